@@ -4,7 +4,7 @@ Needs only NumPy; SI units and radians; rows are instants. Derivations and proof
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -75,6 +75,9 @@ class GyroBounds:
         Bound of the spectral norm of K, from 0 to below 1. K is one matrix for the whole recording.
     increment : float
         Bound of ‖∫ v dt‖ over any window, rad. Far less than ``noise`` times the window if the noise changes sign.
+    noise_turn, noise_turn_growth : float
+        How far the noise by itself turns an attitude away that is integrated over any window: at most the first, rad,
+        and the second for each second, rad/s. It says more than ``increment`` where the body turns.
     longest_interval : float
         Between samples, s: up to it ``noise`` includes what the rate does there. No bound above covers a longer one.
     largest_rate : float
@@ -89,22 +92,26 @@ class GyroBounds:
     drift: float = 0.0
     scale_error: float = 0.0
     increment: float = np.inf
+    noise_turn: float = np.inf
+    noise_turn_growth: float = 0.0
     longest_interval: float = np.inf
     largest_rate: float = np.inf
     angular_acceleration: float = np.inf
 
     def __post_init__(self) -> None:
         """Check."""
-        for name in ("noise", "bias", "drift"):
+        for name in ("noise", "bias", "drift", "noise_turn_growth"):
             require_not_negative(name, getattr(self, name))
         require_fraction("scale_error", self.scale_error)
-        if not self.increment >= 0.0:
-            raise ValueError(f"increment must be at least 0, not {self.increment}")
         if not self.longest_interval > 0.0:
             raise ValueError(f"longest_interval must be positive, not {self.longest_interval}")
-        for name in ("largest_rate", "angular_acceleration"):
+        for name in ("increment", "noise_turn", "largest_rate", "angular_acceleration"):
             if not getattr(self, name) >= 0.0:
                 raise ValueError(f"{name} must be at least 0, not {getattr(self, name)}")
+
+    def with_more_noise(self, rate: float) -> "GyroBounds":
+        """Bounds of a gyro whose noise has another part of at most this, rad/s, which may keep its sign."""
+        return replace(self, noise=self.noise + rate, increment=np.inf, noise_turn=np.inf)
 
     def gaps(self, times: FloatArray, angular_velocities: FloatArray) -> NDArray[np.bool_]:
         """Steps between rows that are longer than the noise bound speaks of.
@@ -177,7 +184,7 @@ class GyroBounds:
         """
         bias = self.bias + self.drift * np.asarray(elapsed, dtype=np.float64)
         speeds = np.asarray(angular_speeds, dtype=np.float64)
-        steady: FloatArray = bias + self.scale_error * (speeds + bias + self.noise) / (1.0 - self.scale_error)
+        steady: FloatArray = (bias + self.scale_error * speeds) / (1.0 - self.scale_error)
         return steady
 
     def rate_error(self, angular_speeds: ArrayLike, elapsed: ArrayLike = 0.0) -> FloatArray:
@@ -195,7 +202,7 @@ class GyroBounds:
         (...) array
             rad/s.
         """
-        return self.noise + self.steady_error(angular_speeds, elapsed)
+        return self.noise / (1.0 - self.scale_error) + self.steady_error(angular_speeds, elapsed)
 
     def window_angle(self, times: ArrayLike, angular_velocities: ArrayLike, elapsed: ArrayLike = 0.0) -> float:
         """Bound of the angle by which the turn over all rows is off, (18.10); in a gap the turn counts as zero.
@@ -224,7 +231,7 @@ class GyroBounds:
         for first, stop in zip([0, *ends], [*ends, len(stamps)], strict=True):
             piece = slice(first, stop)
             duration = stamps[stop - 1] - stamps[first]
-            angle += float(self._noise_angle(duration, np.trapezoid(speeds[piece], stamps[piece]), duration))
+            angle += float(self.noise_angle(duration, np.trapezoid(speeds[piece], stamps[piece]), duration))
             angle += float(np.trapezoid(errors[piece], stamps[piece]))
             angle += float(coning_angles(np.diff(stamps[piece]), rates[piece]).sum())
         return angle
@@ -245,7 +252,7 @@ class GyroBounds:
         """
         if not duration > 0.0:
             raise ValueError(f"duration must be positive, not {duration}")
-        return float(self._noise_angle(duration, turned, duration)) / duration
+        return float(self.noise_angle(duration, turned, duration)) / duration
 
     def anchored_turns(
         self,
@@ -322,7 +329,7 @@ class GyroBounds:
                 known_for, turned = since[piece], running_integral(spans, speeds)
                 coned = from_the_first(coning_angles(np.diff(spans), rates[piece]))
                 errors = running_integral(spans, self.steady_error(speeds, known_for)) + coned
-                errors += self._noise_angle(spans, turned, spans)
+                errors += self.noise_angle(spans, turned, spans)
                 quaternions = quaternions_from_rates(np.diff(stamps[piece]), rates[piece])
                 turns = rotation_vectors(quaternions)
                 effects, chords = scale_effects(
@@ -362,24 +369,55 @@ class GyroBounds:
         says_more = angle < self.turns_over_gaps(stamps[behind] - stamps[behind - 1]) and turned + angle < np.pi
         return (behind, rate, angle) if says_more else None
 
-    def swept_increment(self, turned: FloatArray, length: FloatArray | float = 1.0) -> FloatArray:
+    def noise_angle(
+        self,
+        durations: FloatArray | float,
+        turned: FloatArray | float,
+        longest: FloatArray | float,
+        length: FloatArray | float = 1.0,
+    ) -> FloatArray:
+        """Bound of the angle that noise turns an attitude away, (18.10) and (18.56), or of a mean of such angles.
+
+        Parameters
+        ----------
+        durations : (...) array
+            s; or the mean of it times vectors' lengths.
+        turned : (...) array
+            The angle that the axes turn in which noise adds up, rad; or the mean of it times vectors' lengths.
+        longest : (...) array
+            The longest duration, s.
+        length : (...) array
+            The mean of those lengths, each as often as there are pieces without a gap.
+
+        Returns
+        -------
+        (...) array
+            rad, times the lengths' unit.
+        """
+        spans, rate = np.asarray(durations, dtype=np.float64), self.noise / (1.0 - self.scale_error)
+        angle: FloatArray = rate * spans
+        if np.isfinite(self.increment):
+            angle = np.minimum(angle, self.swept_increment(turned, length) * (1.0 + 0.5 * rate * np.asarray(longest)))
+        if np.isfinite(self.noise_turn):
+            angle = np.minimum(angle, self.noise_turn * np.asarray(length) + self.noise_turn_growth * spans)
+        return angle
+
+    def swept_increment(self, turned: FloatArray | float, length: FloatArray | float = 1.0) -> FloatArray:
         """Bound of the noise's integral in axes that turn, (18.10), or of a mean of such integrals.
 
         Parameters
         ----------
-        turned : (...) array
-            The angle that the measured rate turns, rad; or the mean of it times vectors' lengths.
-        length : (...) array
-            The mean of those lengths.
+        turned, length : (...) array
+            As for `noise_angle`.
 
         Returns
         -------
         (...) array
             rad, times the lengths' unit; infinite without an increment.
         """
-        if np.isinf(self.increment):
-            return np.full_like(turned, np.inf)
-        swept: FloatArray = self.increment * np.minimum(length + turned, _RADIUS_OF_SET * (2.0 * length + turned))
+        angles, lengths = np.asarray(turned, dtype=np.float64), np.asarray(length, dtype=np.float64)
+        increment = self.increment / (1.0 - self.scale_error)
+        swept: FloatArray = increment * np.minimum(lengths + angles, _RADIUS_OF_SET * (2.0 * lengths + angles))
         return swept
 
     def _angle_with_one_matrix(
@@ -395,23 +433,12 @@ class GyroBounds:
         # ω̃ - ω = K' ω̃ + (I - K')(b + v), K' = K (I + K)⁻¹.
         scale, other = self.scale_error / (1.0 - self.scale_error), 1.0 / (1.0 - self.scale_error)
         of_scale = scale * (_SQRT3 * _largest_stretch(effects) + chords + coned * turned)
-        of_noise = other * np.minimum(self.noise * spans, self.swept_increment(turned))
-        farthest = np.maximum.accumulate(of_scale + of_noise)
-        second_order = 0.5 * farthest * (scale * turned + other * self.noise * spans)
+        second_order = 0.5 * np.maximum.accumulate(of_scale) * scale * turned
         of_bias = other * running_integral(spans, self.bias + self.drift * elapsed)
-        angle: FloatArray = of_scale + of_noise + second_order + of_bias + coned
-        return angle
-
-    def _noise_angle(self, duration: FloatArray | float, turned: FloatArray | float, longest: float) -> FloatArray:
-        """The smaller of two bounds: linear in time, or from the increment."""
-        linear = self.noise * np.asarray(duration, dtype=np.float64)
-        if np.isinf(self.increment):
-            return linear
-        return np.minimum(linear, self._increment_angle(turned, longest))
-
-    def _increment_angle(self, turned: FloatArray | float, longest: FloatArray | float) -> FloatArray:
-        swept = self.swept_increment(np.asarray(turned, dtype=np.float64))
-        angle: FloatArray = swept * (1.0 + 0.5 * self.noise * np.asarray(longest, dtype=np.float64))
+        # Noise adds up in the true axes, and these may turn by as much more as the rate is off.
+        truly_turned = (1.0 + scale) * turned + of_bias + other * self.noise * spans
+        of_noise = self.noise_angle(spans, truly_turned, spans)
+        angle: FloatArray = of_scale + second_order + of_noise + of_bias + coned
         return angle
 
 

@@ -81,8 +81,8 @@ class OneMatrix:
         biased = running_sum(frame.steps, gyro.bias + gyro.drift * frame.since_known)
         self._biased = biased[rows] + piece.apart / self._other
         self._pushed = running_sum(steps, _crossed(self._effects, piece.carried).reshape(-1, 27))
-        # q: what the errors of the rate would turn if all had one direction.
-        self._straight = self._scale * piece.turned + self._other * gyro.noise * piece.elapsed
+        # q: what the matrix would turn if all its effects had one direction.
+        self._straight = self._scale * piece.turned
         lengths = lengths_of(piece.carried)
         averaged = np.column_stack([self._biased, self._chords, self._straight, self._straight**2])
         self._once = running_sum(steps, lengths[:, None] * averaged)
@@ -129,14 +129,17 @@ class OneMatrix:
         effects = self._mean_push(of, triangular=triangular) - _crossed(self._effects.take(of.row, axis=0), mean)
         swept, spanned = average.swept[indices], average.spanned[indices]
         pieces = average.pieces[indices] + average.lost[indices]
-        noise = np.minimum(gyro.noise * spanned, gyro.swept_increment(swept, pieces))
+        biased *= self._other
+        # Noise adds up in the true axes, and these may turn by as much more as the rate is off.
+        truly_swept = (1.0 + self._scale) * swept + biased + self._other * gyro.noise * spanned
+        noise = gyro.noise_angle(spanned, truly_swept, np.maximum(of.before, of.after), pieces)
         second = self._second_order_bounds(of, average, indices, rising + falling)
         # To body axes of the rows, so that nothing depends on where the piece begins.
         to_body = self._piece.attitudes.take(of.row, axis=0).transpose(0, 2, 1)
         push = _largest_push(to_body @ effects, (to_body @ mean[:, :, None])[:, :, 0])
         # The matrix acts in the carried frame, which is no further off than over the whole window.
         apart = (self._piece.apart[of.stop] - self._piece.apart[of.start]) * swept
-        turns: FloatArray = self._scale * (push + chords + apart) + self._other * (noise + biased)
+        turns: FloatArray = self._scale * (push + chords + apart) + noise + biased
         return turns + second + average.by_stamps[indices] + self._rounding(of, average, indices)
 
     def _mean_push(self, window: Window, *, triangular: bool) -> FloatArray:
@@ -165,8 +168,7 @@ class OneMatrix:
         self, window: Window, average: Average, indices: NDArray[np.intp], means: FloatArray
     ) -> FloatArray:
         """Bounds of what is of second order, from the means of q and q² times the lengths, (18.39)."""
-        swept, spanned = average.swept[indices], average.spanned[indices]
-        once = self._scale * swept + self._other * self._gyro.noise * spanned
+        once = self._scale * average.swept[indices]
         at_row = self._straight[window.row]
         square = means[:, 3] - 2.0 * at_row * means[:, 2] + at_row**2 * average.length[indices]
         # Four such terms, each off by what a mean may lose, and the sums of q themselves.
@@ -239,20 +241,16 @@ class OneMatrix:
         return turns
 
     def _turn_between_cells(self, at_nodes: list[FloatArray], away: int) -> FloatArray:
-        """Bounds of the turn by scale error and noise between any rows of cells so many apart, (18.38), rad."""
-        gyro, nodes, count = self._gyro, self._nodes, len(self._nodes) - 1
-        piece = self._piece
-        turned, elapsed, gaps = (of[nodes] for of in (piece.turned, piece.elapsed, piece.frame_gaps))
+        """Bounds of the turn by the scale error between any rows of cells so many apart, (18.38), rad."""
+        count = len(self._nodes) - 1
+        turned = self._piece.turned[self._nodes]
         inner = at_nodes[away - 1][1 : count - away + 1] if away else at_nodes[1][:count]
         middle = at_nodes[away]
         corners = 0.25 * (middle[: count - away] + middle[1 : count - away + 1] + at_nodes[away + 1] + inner)
         in_cell = np.diff(turned)
         corners += 0.5 * self._scale * (in_cell[: count - away] + in_cell[away:])
         swept = turned[away + 1 :] - turned[: count - away]
-        spanned = elapsed[away + 1 :] - elapsed[: count - away]
-        crossed = gaps[away + 1 :] - gaps[: count - away]
-        noise = np.minimum(gyro.noise * spanned, gyro.swept_increment(swept, 1.0 + crossed))
-        turn: FloatArray = np.minimum(corners, self._scale * swept) + self._other * noise
+        turn: FloatArray = np.minimum(corners, self._scale * swept)
         return turn
 
 

@@ -259,11 +259,8 @@ class Piece:
         pieces = both[:, 3]
         if self._once.shape[1] > 8:
             pieces = pieces + between(8, self.frame_gaps)
-        noise = self._gyro.noise * spanned
-        if np.isfinite(self._gyro.increment):
-            longest = np.where(at_top, np.maximum(window.before, window.after), window.before + window.after)
-            by_increment = self._gyro.swept_increment(swept, pieces + lost)
-            noise = np.minimum(noise, by_increment * (1.0 + 0.5 * self._gyro.noise * longest))
+        longest = np.where(at_top, np.maximum(window.before, window.after), window.before + window.after)
+        noise = self._gyro.noise_angle(spanned, swept, longest, pieces + lost)
         turned = self.turned[window.stop] - self.turned[window.start]
         rounding = 2.0 * lost + share * self._once[window.stop, 7]
         steps = self.rows[window.stop] - self.rows[window.start] + 1

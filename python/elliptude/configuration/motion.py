@@ -108,14 +108,20 @@ class GyroFlow(Timed):
     longest_interval_s: PositiveSize | None = None
     largest_rate_deg_per_s: PositiveSize | None = None
     largest_angular_acceleration_deg_per_s2: PositiveSize | None = None
-    # Bound of the noise's integral over any window; predictions span windows of this length, each from an anchor.
+    # Bound of the noise's integral over any window, and how far the noise by itself turns an integrated attitude away;
+    # predictions span windows of this length, each from an anchor.
     increment_deg: PositiveSize | None = None
+    noise_turn_deg: PositiveSize | None = None
+    noise_turn_growth_deg_per_s: Size | None = None
     anchor_s: PositiveSize | None = None
 
     @model_validator(mode="after")
     def _predicts_over_windows(self) -> Self:
-        if self.increment_deg is not None and self.anchor_s is None:
-            raise ValueError("increment_deg needs anchor_s, the length of the windows that a prediction spans")
+        for key in ("increment_deg", "noise_turn_deg"):
+            if getattr(self, key) is not None and self.anchor_s is None:
+                raise ValueError(f"{key} needs anchor_s, the length of the windows that a prediction spans")
+        if self.noise_turn_growth_deg_per_s is not None and self.noise_turn_deg is None:
+            raise ValueError("noise_turn_growth_deg_per_s needs noise_turn_deg, what it is added to")
         if self.anchor_s is not None and self.estimate_bias:
             raise ValueError("estimate_bias does not go with anchor_s: over a window the bias is an error of the turn")
         if self.anchor_s is not None and self.angular_acceleration_deg_per_s2:
@@ -136,6 +142,8 @@ class GyroFlow(Timed):
             drift=math.radians(self.drift_deg_per_s2),
             scale_error=self.scale_error,
             increment=math.inf if self.increment_deg is None else math.radians(self.increment_deg),
+            noise_turn=math.inf if self.noise_turn_deg is None else math.radians(self.noise_turn_deg),
+            noise_turn_growth=math.radians(self.noise_turn_growth_deg_per_s or 0.0),
             longest_interval=math.inf if self.longest_interval_s is None else self.longest_interval_s,
             largest_rate=math.inf if self.largest_rate_deg_per_s is None else math.radians(self.largest_rate_deg_per_s),
             angular_acceleration=math.radians(acceleration) if acceleration else math.inf,

@@ -9,11 +9,11 @@ import dataclasses
 import os
 from dataclasses import dataclass
 from importlib import resources
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from elliptude.bounds.gyro import GyroBounds, longest_interval_of
 from elliptude.bounds.rest import mean_at_rest, rest_rows, why_no_rest
@@ -81,10 +81,18 @@ class GyroRule(Model):
     drift_deg_per_s2: Size
     scale_error: Fraction
     increment_deg: PositiveSize | None = None
+    noise_turn_deg: PositiveSize | None = None
+    noise_turn_growth_deg_per_s: Size | None = None
     # As in `flow`, if there is no rule.
     longest_interval_s: PositiveSize | None = None
     largest_rate_deg_per_s: PositiveSize | None = None
     largest_angular_acceleration_deg_per_s2: PositiveSize | None = None
+
+    @model_validator(mode="after")
+    def _grows_from_something(self) -> Self:
+        if self.noise_turn_growth_deg_per_s is not None and self.noise_turn_deg is None:
+            raise ValueError("noise_turn_growth_deg_per_s needs noise_turn_deg, what it is added to")
+        return self
 
     def bounds(self) -> GyroBounds:
         """In SI units."""
@@ -95,6 +103,8 @@ class GyroRule(Model):
             drift=np.deg2rad(self.drift_deg_per_s2),
             scale_error=self.scale_error,
             increment=np.inf if self.increment_deg is None else np.deg2rad(self.increment_deg),
+            noise_turn=np.inf if self.noise_turn_deg is None else np.deg2rad(self.noise_turn_deg),
+            noise_turn_growth=np.deg2rad(self.noise_turn_growth_deg_per_s or 0.0),
             longest_interval=np.inf if self.longest_interval_s is None else self.longest_interval_s,
             largest_rate=np.inf if self.largest_rate_deg_per_s is None else np.deg2rad(self.largest_rate_deg_per_s),
             angular_acceleration=np.inf if acceleration is None else np.deg2rad(acceleration),
@@ -226,8 +236,9 @@ def rule_for(carried: Carried) -> Rule:
 def carried_numbers() -> list[tuple[str, str]]:
     """Tables and keys of the numbers that depend on how a sensor is carried."""
     others: tuple[Carried, ...] = ("person", "drone", "car", "boat")
-    found = {(name, key) for one in others for name, table in _stated(one).items() for key in table}
-    return [place for place in reasons_for("hand") if place in found]
+    found = {(name, key): None for one in others for name, table in _stated(one).items() for key in table}
+    of_hand = list(reasons_for("hand"))
+    return [place for place in of_hand if place in found] + [place for place in found if place not in of_hand]
 
 
 def reasons_for(carried: Carried) -> dict[tuple[str, str], str]:

@@ -155,7 +155,7 @@ def _of_sensor(
         if flow.angular_acceleration_deg_per_s2 > 0.0:
             # What the rate does between samples is not part of the noise, nor of its integral.
             off = flow.off_the_line(gyro.longest_interval)
-            gyro = replace(gyro, noise=gyro.noise + off, increment=math.inf)
+            gyro = gyro.with_more_noise(off)
         velocity = measured_velocity(log, configuration)
         _require_as_slow(velocity, sensor.bound_from.velocity_m_per_s or np.inf, f"{sensor.name!r}")
         bounds = _over_windows(sensor, sensor.bound_from, errors, vectors, rates, gyro, log, offset, velocity)

@@ -296,7 +296,7 @@ def _filter_input(log: Log, configuration: Configuration, rows: DirectionRows, t
     between = gaps.filled_in_between(log, gyro.longest_interval)
     off = flow.off_the_line(between, gyro.drift if flow.estimate_bias else 0.0)
     off += _coning_rate(log, rows, flow, largest_bias)
-    gyro = replace(gyro, bias=largest_bias, noise=gyro.noise + off)
+    gyro = replace(gyro.with_more_noise(off), bias=largest_bias)
     return FilterInput(
         log.times,
         gyro_flow(gyro, flow),
@@ -408,7 +408,7 @@ def turns_of(
     if flow.angular_acceleration_deg_per_s2 > 0.0:
         # What the rate does between samples is not part of the noise, nor of its integral.
         off = flow.off_the_line(gyro.longest_interval)
-        gyro = replace(gyro, noise=gyro.noise + off, increment=np.inf)
+        gyro = gyro.with_more_noise(off)
     measured = (rows.angles < _NEXT_TO_NOTHING).any(axis=1)
     turns = gyro.anchored_turns(times, rates - rows.bias, _ANCHOR if duration is None else duration, elapsed, measured)
     anchors = turns.anchors.copy()

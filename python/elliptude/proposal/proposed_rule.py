@@ -191,7 +191,8 @@ def _gyro(table: dict[str, Proposed], proposed: Proposal, start: StartProposal |
         if sums is None or unexplained.maximum > sums.maximum:
             sums, sums_what = unexplained, what
     table["noise_deg_per_s"] = _seen(noise, noise_what, margin, table["noise_deg_per_s"], in_full=in_full)
-    table["increment_deg"] = _seen(sums, sums_what, margin, table["increment_deg"], in_full=in_full)
+    for key in {"increment_deg", "noise_turn_deg"} & table.keys():
+        table[key] = _seen(sums, sums_what, margin, table[key], in_full=in_full)
     since = "its mean over all rest" if start is None else "its mean in the rest at the start"
     table["bias_deg_per_s"] = _seen(
         moved, f"the bias over 0.5 s at rest less {since}", margin, table["bias_deg_per_s"], in_full=False

@@ -479,7 +479,8 @@ def _bound_gyro(
             numbers |= _rule_numbers(table, "gyro", "bias_deg_per_s")
     over_windows = not flow.get("estimate_bias") and not flow.get("angular_acceleration_deg_per_s2")
     if over_windows and flow.get("interval_rate", "mean_of_ends") == "mean_of_ends":
-        numbers |= _rule_numbers(table, "gyro", "increment_deg")
+        of_noise = ("increment_deg", "noise_turn_deg", "noise_turn_growth_deg_per_s")
+        numbers |= _rule_numbers(table, "gyro", *(key for key in of_noise if key in table["gyro"]))
         numbers["anchor_s"] = _ANCHOR_S, "how often a prediction begins anew"
     _put(flow, comments, ("flow",), numbers)
 

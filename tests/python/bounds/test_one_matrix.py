@@ -246,18 +246,16 @@ def test_second_order_is_above_sums_over_all_samples(speed, moves):
     times, rates = shown_rates(1201, speed, 11)
     if moves != "always":
         rates[slice(600, None) if moves == "before" else slice(600)] = 0.0
-    k, noise = 0.02, 0.015
-    gyro = GyroBounds(noise, scale_error=k)
-    piece, matrix = parts(times, rates, gyro, 4.0, np.tile(G * UP, (1201, 1)))
+    k = 0.02
+    piece, matrix = parts(times, rates, GyroBounds(0.015, scale_error=k), 4.0, np.tile(G * UP, (1201, 1)))
     draws = np.random.default_rng(2)
     wrong = of_matrix(k) * Rotation.random(200, rng=draws).as_matrix().reshape(-1, 9)
-    straight = of_matrix(k) * piece.turned + noise / (1.0 - k) * piece.elapsed
+    straight = of_matrix(k) * piece.turned
     for row in (405, 600, 731) if moves == "always" else (600,):
         window, bound = second_order_of(matrix, piece, row, 4.0, triangular=True)
         total = 0.0
         for side in (np.arange(row, window.stop[0] + 1), np.arange(row, window.start[0] - 1, -1)):
             turns = np.linalg.norm((matrix._effects[side] - matrix._effects[row]) @ wrong.T, axis=1).max(axis=1)
-            turns += noise / (1.0 - k) * np.abs(times[side] - times[row])
             away = np.abs(straight[side] - straight[row])
             products = np.concatenate([[0.0], np.cumsum(0.5 * (turns[1:] + turns[:-1]) * np.diff(away))])
             shares = 0.5 * products + 0.5 * turns**2

@@ -64,6 +64,20 @@ def rates_of(attitudes):
     return np.concatenate([turns[:1], 0.5 * (turns[1:] + turns[:-1]), turns[-1:]])
 
 
+def summed_up(rates):
+    """Attitudes from rates, one a millisecond, from one after the other to the last."""
+    quaternions = Rotation.from_rotvec(FINE * rates).as_quat()
+    # Products of all from the first, by doubling.
+    products = np.concatenate([[[0.0, 0.0, 0.0, 1.0]], quaternions])
+    distance = 1
+    while distance < len(products):
+        earlier = Rotation.from_quat(products[:-distance])
+        later = Rotation.from_quat(products[distance:])
+        products = np.concatenate([products[:distance], (earlier * later).as_quat()])
+        distance *= 2
+    return Rotation.from_quat(products)
+
+
 def filtered(vectors, step_ms):
     """The mean over the interval about each instant, as a filter leaves it."""
     return np.stack([np.convolve(axis, np.full(step_ms, 1.0 / step_ms), "same") for axis in vectors.T], axis=1)
@@ -115,7 +129,15 @@ def test_lines_between_samples_leave_out_no_more_than_is_stated(name, step_ms):
         assert np.rad2deg(np.linalg.norm(off, axis=1).max()) < PERSON.gyro.noise_deg_per_s - 1.0
         sums = np.rad2deg(np.cumsum(off, axis=0)[::20]) * FINE
         apart = np.linalg.norm(sums[:, None] - sums[None], axis=2)
-        assert apart[np.abs(np.subtract.outer(np.arange(len(sums)), np.arange(len(sums)))) < 600].max() < 2.3  # 12 s
+        away = np.abs(np.subtract.outer(np.arange(len(sums)), np.arange(len(sums))))
+        assert apart[away < 600].max() < 2.3  # 12 s
+        # The turn by what lines leave out, and nothing else.
+        turned = summed_up(lines[first:last]) * attitudes[first : last + 1].inv()
+        turned = turned[::20]
+        for step in (5, 15, 50, 150, 300, 600):
+            turns = np.rad2deg((turned[step:] * turned[:-step].inv()).magnitude())
+            growth = PERSON.gyro.noise_turn_growth_deg_per_s * 0.02 * step
+            assert turns.max() < PERSON.gyro.noise_turn_deg - 0.2 + growth
 
 
 @pytest.mark.parametrize("name", GAITS)

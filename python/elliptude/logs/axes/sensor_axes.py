@@ -346,12 +346,8 @@ class _Windows:
             distance: FloatArray = after + here * earlier[:, _LENGTH] - earlier[:, column]
             return np.maximum(distance, 0.0)
 
-        gyro = frame.gyro
-        noise = gyro.noise * between(_TIME, None)
-        if np.isfinite(gyro.increment):
-            lengths = earlier[:, _LENGTH] + later[:, _LENGTH]
-            swept = gyro.increment * (lengths + between(_TURNED, frame.turned))
-            noise = np.minimum(noise, swept * (1.0 + 0.5 * gyro.noise * longest))
+        lengths = earlier[:, _LENGTH] + later[:, _LENGTH]
+        noise = frame.gyro.noise_angle(between(_TIME, None), between(_TURNED, frame.turned), longest, lengths)
         return between(_STEADY, frame.steady) + noise
 
 
