@@ -132,7 +132,8 @@ class OneMatrix:
         biased *= self._other
         # Noise adds up in the true axes, and these may turn by as much more as the rate is off.
         truly_swept = (1.0 + self._scale) * swept + biased + self._other * gyro.noise * spanned
-        noise = gyro.noise_angle(spanned, truly_swept, np.maximum(of.before, of.after), pieces)
+        longest = np.maximum(of.before, of.after) + 2.0 * self._piece.away
+        noise = gyro.noise_angle(spanned, truly_swept, longest, pieces)
         second = self._second_order_bounds(of, average, indices, rising + falling)
         # To body axes of the rows, so that nothing depends on where the piece begins.
         to_body = self._piece.attitudes.take(of.row, axis=0).transpose(0, 2, 1)

@@ -25,6 +25,7 @@ def time_offset_angles(
     bias_known: float | None = None,
     angular_acceleration: float = 0.0,
     vectors: ArrayLike | None = None,
+    sampled: ArrayLike | None = None,
 ) -> FloatArray:
     """How far a direction in body axes may turn between the time on the stamp and the true one, (18.8).
 
@@ -48,6 +49,9 @@ def time_offset_angles(
     vectors : (N, 3) array, optional
         Of the directions, body axes, at the gyro's samples. If given, only the part of the measured rate across the
         row's own counts.
+    sampled : (M,) array, optional
+        Their own stamps, s, where ``at`` are those of the rows that they were put into, (18.58): the turn is that from
+        there to the row. Those of the rows if left out.
 
     Returns
     -------
@@ -62,23 +66,27 @@ def time_offset_angles(
     rates = vector_rows("angular_velocities", angular_velocities, len(stamps))
     speeds = lengths_of(rates)
     directions = None if vectors is None else _unit(vector_rows("vectors", vectors, len(wanted)))
-    if offset == 0.0:
+    own = wanted if sampled is None else np.asarray(sampled, dtype=np.float64)
+    # From the row to the true time, wherever that is about the sample's stamp.
+    begins, ends, away = np.minimum(wanted, own) - offset, np.maximum(wanted, own) + offset, np.abs(own - wanted)
+    offsets = away + offset
+    if not offsets.any():
         return np.zeros_like(wanted)
     # Between samples: at most the larger of both, but in a gap.
     fastest = np.zeros_like(stamps)
     errors = np.zeros_like(stamps)
     if gyro is not None:
         since = stamps - (stamps[0] if bias_known is None else bias_known)
-        errors = gyro.rate_error(speeds, np.abs(since) + offset)
+        errors = gyro.rate_error(speeds, np.abs(since) + offset + away.max())
         speeds = speeds + errors
         fastest[:-1][np.diff(stamps) > gyro.longest_interval] = gyro.largest_rate
         if np.isfinite(gyro.largest_rate):
             speeds[np.isnan(speeds)] = gyro.largest_rate
     # The samples on both sides of the interval too: between two samples the rate is bounded by both.
-    first = np.maximum(np.searchsorted(stamps, wanted - offset, side="right") - 1, 0)
-    last = np.minimum(np.searchsorted(stamps, wanted + offset, side="left"), len(stamps) - 1)
+    first = np.maximum(np.searchsorted(stamps, begins, side="right") - 1, 0)
+    last = np.minimum(np.searchsorted(stamps, ends, side="left"), len(stamps) - 1)
     steps = np.append(np.diff(stamps), 0.0)
-    between = 0.5 * angular_acceleration * np.maximum(_range_maximum(steps, first, last), offset)
+    between = 0.5 * angular_acceleration * np.maximum(_range_maximum(steps, first, last), offsets)
     in_gaps = _range_maximum(fastest, first, np.maximum(first, last - 1))
     largest = _range_maximum(speeds, first, last)
     if directions is not None:
@@ -87,17 +95,18 @@ def time_offset_angles(
         largest = np.where(np.isnan(across), largest, np.minimum(across, largest))
     largest = np.maximum(largest, in_gaps)
     if gyro is not None:
-        beyond = _beyond(stamps, speeds, wanted, offset, gyro, angular_acceleration)
+        beyond = _beyond(stamps, speeds, begins, ends, gyro, angular_acceleration)
         largest = np.where(np.isnan(largest), largest, np.fmax(largest, beyond))
-    angles: FloatArray = np.minimum(offset * (largest + between), np.pi)
-    return angles
+    # Nothing turns in no time, whatever is known of the rate.
+    angles = np.multiply(offsets, largest + between, out=np.zeros_like(wanted), where=offsets > 0.0)
+    return np.minimum(angles, np.pi)
 
 
 def _beyond(
     stamps: FloatArray,
     speeds: FloatArray,
-    wanted: FloatArray,
-    offset: float,
+    begins: FloatArray,
+    ends: FloatArray,
     gyro: GyroBounds,
     angular_acceleration: float,
 ) -> FloatArray:
@@ -107,8 +116,8 @@ def _beyond(
     ----------
     stamps, speeds : (N,) array
         Of the samples, s, and what the true rate is at most, rad/s.
-    wanted : (M,) array
-        s; each interval is as far as the offset about one of these.
+    begins, ends : (M,) array
+        Of the intervals, s.
 
     Returns
     -------
@@ -119,8 +128,8 @@ def _beyond(
     growth, quick = gyro.angular_acceleration, gyro.noise
     if 0.0 < angular_acceleration <= growth:
         growth, quick = angular_acceleration, 0.0
-    found = np.zeros_like(wanted)
-    for lengths, speed in ((stamps[0] - wanted + offset, speeds[0]), (wanted + offset - stamps[-1], speeds[-1])):
+    found = np.zeros_like(begins)
+    for lengths, speed in ((stamps[0] - begins, speeds[0]), (ends - stamps[-1], speeds[-1])):
         outside = lengths > 0.0
         grown = speed + quick + 0.5 * growth * lengths[outside]
         found[outside] = np.maximum(found[outside], np.fmin(grown, gyro.largest_rate))
@@ -181,8 +190,42 @@ def shift(times: ArrayLike, values: ArrayLike, delay: float) -> tuple[FloatArray
     left : (N,) array
         How far the chosen value's time is from the row's, s: to be added to the time offset bound.
     """
-    stamps, numbers = increasing_times(times), np.asarray(values, dtype=np.float64)
-    wanted = stamps + delay
+    stamps = increasing_times(times)
+    return _shifted(stamps, stamps, values, delay)[:2]
+
+
+def shift_by_own_stamps(
+    times: ArrayLike, sampled: ArrayLike, values: ArrayLike, delay: float
+) -> tuple[FloatArray, FloatArray]:
+    """`shift` of values that have stamps of their own beside those of their rows, as near as the rows are.
+
+    Parameters
+    ----------
+    times : (N,) array
+        Of the rows, s, increasing.
+    sampled : (N,) array
+        The stamps of the values, s, increasing.
+    values : (N, ...) array
+    delay : float
+        s.
+
+    Returns
+    -------
+    shifted : (N, ...) array
+        As of `shift`.
+    sampled : (N,) array
+        What time each of these shows, s; two rows may have the same value.
+    """
+    own = increasing_times(sampled)
+    shifted, _, nearest = _shifted(increasing_times(times), own, values, delay)
+    return shifted, own[nearest] - delay
+
+
+def _shifted(
+    times: FloatArray, stamps: FloatArray, values: ArrayLike, delay: float
+) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+    numbers = np.asarray(values, dtype=np.float64)
+    wanted = times + delay
     after = np.clip(np.searchsorted(stamps, wanted), 1, max(len(stamps) - 1, 1))
     if len(stamps) == 1:
         nearest = np.zeros(1, dtype=np.intp)
@@ -191,4 +234,4 @@ def shift(times: ArrayLike, values: ArrayLike, delay: float) -> tuple[FloatArray
     left = np.abs(stamps[nearest] - wanted)
     shifted = numbers[nearest].copy()
     shifted[(wanted < stamps[0]) | (wanted > stamps[-1])] = np.nan
-    return shifted, left
+    return shifted, left, nearest

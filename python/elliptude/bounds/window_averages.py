@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from elliptude.bounds.carried_frame import CarriedFrame
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.bounds.turns import lengths_of, running_sum
+from elliptude.bounds.turns import from_the_first, lengths_of, running_sum
 from elliptude.typing import FloatArray
 
 _BLOCK_ROWS = 1 << 16
@@ -149,6 +149,8 @@ class Piece:
     turned_by_offset : (n,) array
         How far the body turns within the offset of their stamps, rad.
     gyro : GyroBounds
+    away : float
+        How far samples are from their rows at most, s; their means are over the samples' times.
     across_gaps : bool
         Whether windows reach across gaps between samples, where the frame does.
     """
@@ -162,13 +164,19 @@ class Piece:
         turned_by_offset: FloatArray,
         gyro: GyroBounds,
         *,
+        away: float = 0.0,
         across_gaps: bool = True,
     ) -> None:
-        self._times, self._gyro = times, gyro
+        self._times, self._gyro, self.away = times, gyro, away
         self.frame, self.rows = frame, rows
         self.attitudes, self.since_known = frame.attitudes[rows], frame.since_known[rows]
         self.elapsed, self.turned, self.apart = frame.elapsed[rows], frame.turned[rows], frame.apart[rows]
         self.steps = np.diff(self.elapsed)
+        self._summed = self.elapsed
+        if away > 0.0:
+            # No window reaches across a closed gap, which has no length in the sums.
+            self.steps = np.where(np.diff(frame.closed[rows]) > 0, 0.0, np.diff(times))
+            self._summed = from_the_first(self.steps)
         gaps = (np.diff(frame.gaps[rows]) > 0) | (np.diff(rows) > 1)
         lengths_of_gaps = np.where(gaps, self.steps, 0.0)
         in_gaps = np.column_stack([gaps, lengths_of_gaps, lengths_of_gaps**2])
@@ -219,7 +227,7 @@ class Piece:
         """The windows of the rows with these ends; a row is in the middle if it is not its window's end."""
         times = self._times
         top = rows if at == "middle" else np.searchsorted(times, 0.5 * (times[start] + times[stop]))
-        whole = (stop > start) & (self._closed[stop] == self._closed[start])
+        whole = (times[stop] > times[start]) & (self._closed[stop] == self._closed[start])
         before = np.where(whole, times[top] - times[start], np.nan)
         # As many sums were rounded as there are gaps.
         in_gaps = self._in_gaps[stop] - self._in_gaps[start]
@@ -235,7 +243,7 @@ class Piece:
         yield self._average(window, *weighted(self._once, None, window), share)
         if triangular:
             half = np.minimum(window.before, window.after)
-            halves = self.elapsed[window.stop] / np.where(half > 0.0, half, np.nan)
+            halves = self._summed[window.stop] / np.where(half > 0.0, half, np.nan)
             share = _EPSILON * (count + 30.0 + (count + 2.0) * halves) / span
             yield self._average(window, *weighted(self._once, self._twice, window), share)
 
@@ -260,7 +268,7 @@ class Piece:
         if self._once.shape[1] > 8:
             pieces = pieces + between(8, self.frame_gaps)
         longest = np.where(at_top, np.maximum(window.before, window.after), window.before + window.after)
-        noise = self._gyro.noise_angle(spanned, swept, longest, pieces + lost)
+        noise = self._gyro.noise_angle(spanned, swept, longest + 2.0 * self.away, pieces + lost)
         turned = self.turned[window.stop] - self.turned[window.start]
         rounding = 2.0 * lost + share * self._once[window.stop, 7]
         steps = self.rows[window.stop] - self.rows[window.start] + 1

@@ -124,6 +124,7 @@ def gravity_bounds_over_windows(
     maximum_step: float = np.inf,
     every: int = 1,
     velocity: MeasuredVelocity | None = None,
+    sampled: ArrayLike | None = None,
 ) -> WindowBounds:
     """Up, from specific forces averaged over windows in a frame that the gyro carries along, (18.5) to (18.7).
 
@@ -161,6 +162,8 @@ def gravity_bounds_over_windows(
         Only rows whose index is a multiple of this get a bound, which saves time; the others are not measured.
     velocity : MeasuredVelocity, optional
         Measured velocities, (18.48).
+    sampled : (N,) array, optional
+        When each specific force was measured, s, if it has a stamp of its own beside its row's, (18.58).
 
     Returns
     -------
@@ -187,7 +190,8 @@ def gravity_bounds_over_windows(
     of_velocity = None if velocity is None else (velocity, measured)
     return _over_windows(
         times, specific_forces, angular_velocities, durations, (uniform, triangular), gyro, sensor, gravity,
-        gravity_error, time_offset, at, maximum_step, every, of_velocity, across_gaps=np.isfinite(motion.jerk),
+        gravity_error, time_offset, sampled, at, maximum_step, every, of_velocity,
+        across_gaps=np.isfinite(motion.jerk),
     )  # fmt: skip
 
 
@@ -206,6 +210,7 @@ def field_bounds_over_windows(
     at: Place = "end",
     maximum_step: float = np.inf,
     every: int = 1,
+    sampled: ArrayLike | None = None,
 ) -> WindowBounds:
     """The reference field's direction, averaged over windows in a frame that the gyro carries along.
 
@@ -229,7 +234,7 @@ def field_bounds_over_windows(
 
     return _over_windows(
         times, fields, angular_velocities, durations, (constant,), gyro, sensor, strength, strength_error,
-        time_offset, at, maximum_step, every,
+        time_offset, sampled, at, maximum_step, every,
     )  # fmt: skip
 
 
@@ -293,6 +298,7 @@ def _over_windows(
     magnitude: float,
     magnitude_error: float,
     time_offset: float,
+    sampled: ArrayLike | None,
     at: Place,
     maximum_step: float,
     every: int,
@@ -314,26 +320,27 @@ def _over_windows(
     if every < 1:
         raise ValueError(f"every must be at least 1, not {every}")
     in_gaps = replace(gyro, longest_interval=min(gyro.longest_interval, maximum_step))
-    turned_by_offset = time_offset_angles(stamps, rates, time_offset, gyro=in_gaps, vectors=rows)
+    own = _own_stamps(sampled, stamps, rows)
+    turned_by_offset = time_offset_angles(stamps, rates, time_offset, gyro=in_gaps, vectors=rows, sampled=own)
     # Rows of the gyro, gaps between them, and rows among them with a sample.
     of_gyro = np.flatnonzero(~np.isnan(rates).any(axis=1))
     gaps = (np.diff(of_gyro) > 1) | (np.diff(stamps[of_gyro]) > maximum_step)
-    sampled = np.flatnonzero(~(np.isnan(rows).any(axis=1) | np.isnan(turned_by_offset))[of_gyro])
-    samples = of_gyro[sampled]
-    known = None if of_velocity is None else of_velocity[0].at_rows(stamps[samples], at, time_offset)
+    measured = np.flatnonzero(~(np.isnan(rows).any(axis=1) | np.isnan(turned_by_offset))[of_gyro])
+    samples = of_gyro[measured]
+    known = None if of_velocity is None else of_velocity[0].at_rows(own[samples], at, time_offset)
 
     best = _Best(count, magnitude - magnitude_error, magnitude + magnitude_error)
     errors = _Errors.of(sensor)
     # About a row a scale error that is one matrix undoes a part of what it does; section 18.12.
     undoes, cell = at == "middle" and gyro.scale_error > 0.0, cell_length(max(durations))
-    for block, needed in blocks(stamps[samples], max(durations), at, 2.0 * cell if undoes else 0.0):
-        first, stop = sampled[needed][0], sampled[needed][-1] + 1
+    for block, needed in blocks(own[samples], max(durations), at, 2.0 * cell if undoes else 0.0):
+        first, stop = measured[needed][0], measured[needed][-1] + 1
         carrying = of_gyro[first:stop]
         frame = CarriedFrame(stamps[carrying], rates[carrying], gaps[first : stop - 1], gyro, stamps[0])
         there = samples[needed]
         piece = Piece(
-            frame, sampled[needed] - first, stamps[there], rows[there], turned_by_offset[there], gyro,
-            across_gaps=across_gaps,
+            frame, measured[needed] - first, own[there], rows[there], turned_by_offset[there], gyro,
+            away=float(np.abs(own - stamps)[there].max()), across_gaps=across_gaps,
         )  # fmt: skip
         reach = 0.5 * max(durations)
         matrix = OneMatrix(piece, gyro, reach, cell) if undoes else None
@@ -343,9 +350,7 @@ def _over_windows(
         given = None
         if of_velocity is not None and known is not None:
             given = known.take(needed), of_velocity[1]
-        for window, means in _tried(
-            piece, here, durations, at, (stamps[samples[0]], stamps[samples[-1]]), offsets, given
-        ):
+        for window, means in _tried(piece, here, durations, at, (own[samples[0]], own[samples[-1]]), offsets, given):
             averages = piece.averages(window, triangular=len(means) > 1)
             for i, (average, offset) in enumerate(zip(averages, means, strict=True)):
                 others = errors.of_mean(average, window, offset, triangular=i > 0)
@@ -363,6 +368,18 @@ def _over_windows(
     excess = np.maximum(best.excess, found.excess)
     angles = np.where(excess > 0.0, np.nan, found.angles)
     return WindowBounds(found.directions, angles, excess, best.durations, lengths_of(best.means), best.radii)
+
+
+def _own_stamps(sampled: ArrayLike | None, stamps: FloatArray, vectors: FloatArray) -> FloatArray:
+    """When each vector was measured, s: where nothing else is said, at its row."""
+    if sampled is None:
+        return stamps
+    own = np.asarray(sampled, dtype=np.float64)
+    if own.shape != stamps.shape:
+        raise ValueError(f"sampled must have one time for each of {len(stamps)} rows, not shape {own.shape}")
+    if not (np.diff(own[np.isfinite(vectors).all(axis=1)]) >= 0.0).all():
+        raise ValueError("sampled must not decrease from one sample to the next")
+    return own
 
 
 def _tried(

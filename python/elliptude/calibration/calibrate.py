@@ -11,7 +11,7 @@ import numpy as np
 from elliptude import units
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.samples import angle_to_center
-from elliptude.bounds.stamps import shift, time_offset_angles
+from elliptude.bounds.stamps import time_offset_angles
 from elliptude.calibration.gyro import GyroSet, Turn, gyro_set
 from elliptude.calibration.poses import Pose, poses_of, windows_of
 from elliptude.calibration.vector_sensors import (
@@ -33,7 +33,7 @@ from elliptude.configuration.calibration import (
 )
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
-from elliptude.configuration.rules import GyroRule, Rule, after_rest, rest_at_start
+from elliptude.configuration.rules import GyroRule, Rule, after_rest, moved_fields, rest_at_start
 from elliptude.configuration.sensors import Accelerometer, Magnetometer
 from elliptude.estimation import gaps
 from elliptude.estimation.direction_rows import require_shared_stamps
@@ -307,7 +307,7 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
     assert log.rates is not None
     require_shared_stamps(log, [sensor.name for sensor in configuration.directions], np.arange(len(log.times)))
     accelerometer = next(i for i, sensor in enumerate(configuration.directions) if isinstance(sensor, Accelerometer))
-    forces = log.directions[:, accelerometer]
+    forces, forces_at = log.directions[:, accelerometer], log.sampled(accelerometer)
     rest = rest_at_start(rule.rest, log.times, log.rates, forces, gyro)
     rates = log.rates - log.rates[rest].mean(axis=0)
     gyro = after_rest(gyro, log.times[rest])
@@ -318,12 +318,12 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
             vectors, rows = forces, np.zeros(len(log.times), dtype=np.bool_)
             for one in rests:
                 rows[one] = True
-            stated, poses = _accelerometer(log, rule, gyro, rates, forces, rests, statements.accelerometer)
+            stated, poses = _accelerometer(log, rule, gyro, rates, forces, forces_at, rests, statements.accelerometer)
             force = statements.accelerometer
             later = force.later_noise_m_per_s2, force.later_averaged_noise_m_per_s2
         elif isinstance(sensor, Magnetometer) and rule.magnetometer is not None:
             vectors, rows = log.directions[:, i] / units.FIELD["uT"], np.ones(len(log.times), dtype=np.bool_)
-            stated, poses = _magnetometer(log, rule, gyro, rates, vectors, statements.magnetometer)
+            stated, poses = _magnetometer(log, rule, gyro, rates, vectors, log.sampled(i), statements.magnetometer)
             later = statements.magnetometer.later_noise_ut, statements.magnetometer.later_averaged_noise_ut
         else:
             continue
@@ -338,7 +338,7 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
         if isinstance(sensor, Accelerometer):
             upright = this
     assert isinstance(configuration.flow, GyroFlow)
-    turns = _turns(log, rule, gyro, rates, forces, rests, upright, statements.accelerometer)
+    turns = _turns(log, rule, gyro, rates, forces, forces_at, rests, upright, statements.accelerometer)
     try:
         found.append(FoundGyro(configuration.flow, rule.gyro, gyro_set(turns, gyro, max(rule.motion.windows_s))))
     except ContradictionError as error:
@@ -361,6 +361,7 @@ def _turns(
     gyro: GyroBounds,
     rates: FloatArray,
     forces: FloatArray,
+    forces_at: FloatArray | None,
     rests: list[slice],
     accelerometer: Found,
     known: AccelerometerStatements,
@@ -369,12 +370,13 @@ def _turns(
     found, times, table = accelerometer.left, log.times, rule.accelerometer
     corrected = (forces - found.offset) @ found.matrix.T
     k = found.scale_error
-    offsets = time_offset_angles(times, rates, table.time_offset_bound_s, gyro=gyro)
+    own = times if forces_at is None else forces_at
+    offsets = time_offset_angles(times, rates, table.time_offset_bound_s, gyro=gyro, sampled=forces_at)
 
     def up(rows: slice) -> tuple[int, FloatArray, float] | None:
-        duration = float(times[rows.stop - 1] - times[rows.start])
+        duration = float(own[rows.stop - 1] - own[rows.start])
         mean = min(known.acceleration_m_per_s2, 2.0 * known.velocity_m_per_s / duration)
-        poses = poses_of([rows], times, corrected, rates, offsets, gyro, 0.0, lambda _: mean)
+        poses = poses_of([rows], times, corrected, rates, offsets, gyro, 0.0, lambda _: mean, forces_at)
         if not poses:
             return None
         pose = poses[0]
@@ -413,6 +415,7 @@ def _accelerometer(
     gyro: GyroBounds,
     rates: FloatArray,
     forces: FloatArray,
+    forces_at: FloatArray | None,
     rests: list[slice],
     known: AccelerometerStatements,
 ) -> tuple[SensorStatements, list[Pose]]:
@@ -429,18 +432,25 @@ def _accelerometer(
         misalignment=np.pi if known.misalignment_deg is None else np.deg2rad(known.misalignment_deg),
         averaged_over=known.averaged_over_s,
     )
-    offsets = time_offset_angles(log.times, rates, rule.accelerometer.time_offset_bound_s, gyro=gyro)
+    offset = rule.accelerometer.time_offset_bound_s
+    offsets = time_offset_angles(log.times, rates, offset, gyro=gyro, sampled=forces_at)
 
     def mean_acceleration(duration: float) -> float:
         return min(known.acceleration_m_per_s2, 2.0 * known.velocity_m_per_s / duration)
 
     rests = [slice(one.start, min(one.stop, one.start + _MOST_SAMPLES)) for one in rests]
-    poses = poses_of(rests, log.times, forces, rates, offsets, gyro, stated.axes_error, mean_acceleration)
+    poses = poses_of(rests, log.times, forces, rates, offsets, gyro, stated.axes_error, mean_acceleration, forces_at)
     return stated, poses
 
 
 def _magnetometer(
-    log: Log, rule: Rule, gyro: GyroBounds, rates: FloatArray, fields: FloatArray, known: MagnetometerStatements
+    log: Log,
+    rule: Rule,
+    gyro: GyroBounds,
+    rates: FloatArray,
+    fields: FloatArray,
+    fields_at: FloatArray | None,
+    known: MagnetometerStatements,
 ) -> tuple[SensorStatements, list[Pose]]:
     """Windows of the rule's length, one after the other: a disturbance does not average out."""
     assert rule.magnetometer is not None
@@ -455,16 +465,14 @@ def _magnetometer(
         misalignment=np.pi if known.misalignment_deg is None else np.deg2rad(known.misalignment_deg),
         averaged_over=known.averaged_over_s,
     )
-    shifted, left = shift(log.times, fields, rule.magnetometer.delay_s)
-    shifted[left > 0.5 * gyro.longest_interval] = np.nan
-    offset = rule.magnetometer.time_offset_bound_s
-    offset += float(left.max(where=np.isfinite(shifted[:, 0]), initial=0.0))
-    angles = time_offset_angles(log.times, rates, offset, gyro=gyro)
+    moved = moved_fields(rule.magnetometer, log.times, fields, fields_at, gyro.longest_interval)
+    angles = time_offset_angles(log.times, rates, moved.offset, gyro=gyro, sampled=moved.sampled)
     windows = windows_of(log.times, rule.magnetometer.window_s)
     windows = windows[:: -(-len(windows) // _MOST_WINDOWS) or 1]
     poses = poses_of(
-        windows, log.times, shifted, rates, angles, gyro, stated.axes_error, lambda _: known.disturbance_ut
-    )
+        windows, log.times, moved.values, rates, angles, gyro, stated.axes_error, lambda _: known.disturbance_ut,
+        moved.sampled,
+    )  # fmt: skip
     return stated, poses
 
 

@@ -44,6 +44,7 @@ def pose_of(
     axes_error: float,
     mean_disturbance: float,
     bias_known: float,
+    sampled: FloatArray | None = None,
 ) -> Pose:
     """The pose of a window; the frame is that of its middle.
 
@@ -64,11 +65,15 @@ def pose_of(
     mean_disturbance : float
     bias_known : float
         When the gyro's bias was known, s, from where on it drifts.
+    sampled : (n,) array, optional
+        When the sensor was sampled, s, if it has stamps of its own.
     """
     steps = np.diff(times)
+    own = times if sampled is None else sampled
+    between = np.diff(own)
     weights = np.zeros(len(times))
-    weights[:-1] += 0.5 * steps
-    weights[1:] += 0.5 * steps
+    weights[:-1] += 0.5 * between
+    weights[1:] += 0.5 * between
     weights /= weights.sum()
     attitudes = attitudes_from_rates(steps, rates)
     middle = len(times) // 2
@@ -82,8 +87,8 @@ def pose_of(
     off = steady + gyro.noise_angle(duration, turned, duration)
     off += axes_error * turned + turned_by_offset + 64.0 * _EPSILON * (len(times) + turned)
     return Pose(
-        begin=float(times[0]),
-        end=float(times[-1]),
+        begin=float(own[0]),
+        end=float(own[-1]),
         products=np.einsum("n,nij,nk->ijk", weights, carried, vectors),
         frame=np.einsum("n,nij->ij", weights, carried),
         length=float(weights @ np.linalg.norm(vectors, axis=1)),
@@ -107,17 +112,25 @@ def poses_of(
     gyro: GyroBounds,
     axes_error: float,
     mean_disturbance: Callable[[float], float],
+    sampled: FloatArray | None = None,
 ) -> list[Pose]:
     """The poses of some windows, without those in which a sample is missing or the gyro has a gap.
 
     ``mean_disturbance`` is that of a window by its length in seconds. The gyro's bias was known at the first time.
+    ``sampled`` are the sensor's own stamps (N,), s, if they are not those of the rows.
     """
     known = np.isfinite(vectors).all(axis=1) & np.isfinite(rates).all(axis=1) & np.isfinite(turned_by_offset)
     found = []
     for rows in windows:
-        if rows.stop - rows.start < 2 or not known[rows].all() or gyro.gaps(times[rows], rates[rows]).any():
+        own = times[rows] if sampled is None else sampled[rows]
+        if (
+            rows.stop - rows.start < 2
+            or not own[-1] > own[0]
+            or not known[rows].all()
+            or gyro.gaps(times[rows], rates[rows]).any()
+        ):
             continue
-        mean = mean_disturbance(float(times[rows][-1] - times[rows][0]))
+        mean = mean_disturbance(float(own[-1] - own[0]))
         found.append(
             pose_of(
                 times[rows],
@@ -128,6 +141,7 @@ def poses_of(
                 axes_error,
                 mean,
                 bias_known=float(times[0]),
+                sampled=None if sampled is None else own,
             )
         )
     return found

@@ -9,7 +9,7 @@ import dataclasses
 import os
 from dataclasses import dataclass
 from importlib import resources
-from typing import Annotated, Any, Literal, Self, TypeAlias
+from typing import Annotated, Any, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,7 +24,7 @@ from elliptude.bounds.samples import (
     angle_excess,
     angle_to_center,
 )
-from elliptude.bounds.stamps import shift
+from elliptude.bounds.stamps import shift, shift_by_own_stamps
 from elliptude.bounds.velocity import MeasuredVelocity
 from elliptude.bounds.windows import (
     MotionBounds,
@@ -324,6 +324,8 @@ def apply_rule(
     longest_interval: float | None = None,
     every: int = 1,
     velocity: MeasuredVelocity | None = None,
+    forces_sampled: FloatArray | None = None,
+    fields_sampled: FloatArray | None = None,
 ) -> RuledRecording:
     """Work out the bounds that a rule gives for a recording.
 
@@ -344,6 +346,8 @@ def apply_rule(
         Only rows whose index is a multiple of this get directions, which saves time.
     velocity : MeasuredVelocity, optional
         Measured velocities: what of the specific forces is acceleration.
+    forces_sampled, fields_sampled : (N,) array, optional
+        When each was measured, s, increasing, if they have stamps of their own beside those of the rows.
 
     Returns
     -------
@@ -356,7 +360,7 @@ def apply_rule(
     """
     stamps = np.asarray(times, dtype=np.float64)
     rates, forces = np.asarray(angular_velocities, dtype=np.float64), np.asarray(specific_forces, dtype=np.float64)
-    accelerometer = rule.accelerometer
+    accelerometer, forces_at = rule.accelerometer, stamps if forces_sampled is None else forces_sampled
     if longest_interval is None:
         longest_interval = longest_interval_of(np.diff(stamps), rule.gyro.longest_interval_s)
     gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest_interval)
@@ -382,6 +386,7 @@ def apply_rule(
             maximum_step=step,
             every=every,
             velocity=velocity,
+            sampled=forces_at[rows],
         )
 
     up = up_within(slice(None), rule.motion.bounds())
@@ -391,26 +396,25 @@ def apply_rule(
         return RuledRecording(rest, bias, gyro, noise, up, None, None, None, 0.0)
 
     magnetometer = rule.magnetometer
-    shifted, left = shift(stamps, fields, magnetometer.delay_s)
-    shifted[left > 0.5 * longest_interval] = np.nan  # at a gap no value belongs there
-    reference, error = _field_at_rest(rule, stamps[rest], forces[rest], shifted[rest])
+    moved = moved_fields(magnetometer, stamps, fields, fields_sampled, longest_interval)
+    reference, error = _field_at_rest(rule, forces_at[rest], forces[rest], moved.sampled[rest], moved.values[rest])
     strength = float(np.linalg.norm(reference))
-    offset = magnetometer.time_offset_bound_s + float(left.max(where=np.isfinite(shifted[:, 0]), initial=0.0))
 
     def field_within(rows: slice, disturbance: float) -> WindowBounds:
         return field_bounds_over_windows(
             stamps[rows],
-            shifted[rows],
+            moved.values[rows],
             rates[rows],
             [magnetometer.window_s],
             disturbance=disturbance + error,
             gyro=gyro,
             strength=strength,
             sensor=magnetometer.sensor(),
-            time_offset=offset,
+            time_offset=moved.offset,
             at=rule.motion.row_at,
             maximum_step=step,
             every=every,
+            sampled=moved.sampled[rows],
         )
 
     _require_heading(reference, error)
@@ -420,6 +424,50 @@ def apply_rule(
     field = _without_contradictions(field, up, reference, whole=magnetometer.contradiction_voids == "recording")
     east = cross_bounds(up, field, reference, in_plane_error=error)
     return RuledRecording(rest, bias, gyro, noise, up, field, east, reference / strength, error)
+
+
+class MovedFields(NamedTuple):
+    """Values of a magnetometer, moved by its delay."""
+
+    values: FloatArray
+    """µT; NaN where none belongs to the row, shape (N, 3)."""
+    sampled: FloatArray
+    """What time each shows, s, as far as that is not part of the offset, shape (N,)."""
+    offset: float
+    """How far else the time may be off that each shows, s."""
+
+
+def moved_fields(
+    stated: MagnetometerRule,
+    times: FloatArray,
+    fields: ArrayLike,
+    sampled: FloatArray | None,
+    longest_interval: float,
+) -> MovedFields:
+    """Move a magnetometer's values by its delay to rows, but to none that is in a gap.
+
+    Parameters
+    ----------
+    stated : MagnetometerRule
+    times : (N,) array
+        Of the rows, s.
+    fields : (N, 3) array
+        µT.
+    sampled : (N,) array, optional
+        Their own stamps, s.
+    longest_interval : float
+        Between rows, s.
+    """
+    if sampled is None:
+        shifted, left = shift(times, fields, stated.delay_s)
+    else:
+        shifted, own = shift_by_own_stamps(times, sampled, fields, stated.delay_s)
+        left = np.abs(own - times)
+    shifted[left > 0.5 * longest_interval] = np.nan  # at a gap no value belongs there
+    if sampled is not None:
+        return MovedFields(shifted, own, stated.time_offset_bound_s)
+    farthest = float(left.max(where=np.isfinite(shifted[:, 0]), initial=0.0))
+    return MovedFields(shifted, times, stated.time_offset_bound_s + farthest)
 
 
 def _without_contradictions(
@@ -449,7 +497,7 @@ def field_at_start(
     gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest)
     rest = rest_at_start(rule.rest, times, angular_velocities, specific_forces, gyro)
     shifted, _ = shift(times, fields, rule.magnetometer.delay_s)
-    reference, _ = _field_at_rest(rule, times[rest], specific_forces[rest], shifted[rest])
+    reference, _ = _field_at_rest(rule, times[rest], specific_forces[rest], times[rest], shifted[rest])
     direction: FloatArray = reference / np.linalg.norm(reference)
     return direction
 
@@ -526,12 +574,17 @@ def _require_heading(reference: FloatArray, error: float) -> None:
         )
 
 
-def _field_at_rest(rule: Rule, times: FloatArray, forces: FloatArray, fields: FloatArray) -> tuple[FloatArray, float]:
-    """The reference field (0, horizontal, vertical), µT, and how far it may be off, theory.md (18.11)."""
+def _field_at_rest(
+    rule: Rule, forces_at: FloatArray, forces: FloatArray, fields_at: FloatArray, fields: FloatArray
+) -> tuple[FloatArray, float]:
+    """The reference field (0, horizontal, vertical), µT, and how far it may be off, theory.md (18.11).
+
+    Each sensor's mean is over the times of its own samples.
+    """
     accelerometer, magnetometer = rule.accelerometer, rule.magnetometer
     assert magnetometer is not None
-    force, force_error, lasted = mean_at_rest(times, forces, accelerometer.sensor())
-    field, error, _ = mean_at_rest(times, fields, magnetometer.sensor())
+    force, force_error, lasted = mean_at_rest(forces_at, forces, accelerometer.sensor())
+    field, error, _ = mean_at_rest(fields_at, fields, magnetometer.sensor())
     if not np.isfinite(field).all():
         raise ValueError(
             "the magnetometer shows nothing in the rest at the start; does its delay, magnetometer.delay_s = "

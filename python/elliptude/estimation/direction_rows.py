@@ -145,7 +145,7 @@ def _of_sensor(
     vectors = log.directions[:, i]
     by_rest = _error_of_rest(sensor, log.rests[i] if log.rests else None, configuration)
     flow = configuration.flow
-    offset = configuration.time_offset_of(sensor)
+    offset, sampled = configuration.time_offset_of(sensor), log.sampled(i)
     rates = None if log.rates is None else log.rates - bias
     if isinstance(sensor.bound_from, VelocityWindowBound):
         assert isinstance(sensor, Accelerometer)
@@ -158,14 +158,15 @@ def _of_sensor(
             gyro = gyro.with_more_noise(off)
         velocity = measured_velocity(log, configuration)
         _require_as_slow(velocity, sensor.bound_from.velocity_m_per_s or np.inf, f"{sensor.name!r}")
-        bounds = _over_windows(sensor, sensor.bound_from, errors, vectors, rates, gyro, log, offset, velocity)
+        bounds = _over_windows(sensor, sensor.bound_from, errors, vectors, sampled, rates, gyro, log, offset, velocity)
     else:
         turned = np.zeros(len(log.times))
-        if offset > 0.0:
-            turned = _turned_by_offset(sensor, log, rates, offset, gyro, flow)
+        if offset > 0.0 or sampled is not None:
+            turned = _turned_by_offset(sensor, log, sampled, rates, offset, gyro, flow)
         bounds = _of_samples(sensor, configuration, vectors, log.references[:, i], turned, by_rest.strength)
     # While a stamp is off, its reference moves, too. (theory, section 18.3)
-    added = by_rest.angle + sensor.added_angle + offset * sensor.reference_rate
+    away = offset if sampled is None else offset + np.abs(sampled - log.times)
+    added = by_rest.angle + sensor.added_angle + away * sensor.reference_rate
     return DirectionBounds(bounds.directions, np.minimum(bounds.angles + added, np.pi), bounds.excess)
 
 
@@ -180,6 +181,7 @@ def _error_of_rest(sensor: AnyDirection, rest: RestField | None, configuration: 
 def _turned_by_offset(
     sensor: AnyDirection,
     log: Log,
+    sampled: FloatArray | None,
     rates: FloatArray | None,
     offset: float,
     gyro: GyroBounds | None,
@@ -191,15 +193,23 @@ def _turned_by_offset(
         if flow.largest_rate_deg_per_s is None:
             raise ValueError(
                 f"{sensor.name!r}: time_offset_bound_s of a rigid body needs flow.largest_rate_deg_per_s: how fast it "
-                "turns between the measurements of its rate"
+                "turns between the measurements of its rate. So do stamps that timing.same_within_s moves"
             )
-        return np.full(len(log.times), math.radians(flow.largest_rate_deg_per_s) * offset)
+        away = np.zeros(len(log.times)) if sampled is None else np.abs(sampled - log.times)
+        return math.radians(flow.largest_rate_deg_per_s) * (away + offset)
     assert rates is not None
     assert gyro is not None
-    return turned_by_offset(log, rates, offset, gyro, flow)
+    return turned_by_offset(log, rates, offset, gyro, flow, sampled)
 
 
-def turned_by_offset(log: Log, rates: FloatArray, offset: float, gyro: GyroBounds, flow: GyroFlow) -> FloatArray:
+def turned_by_offset(
+    log: Log,
+    rates: FloatArray,
+    offset: float,
+    gyro: GyroBounds,
+    flow: GyroFlow,
+    sampled: FloatArray | None = None,
+) -> FloatArray:
     """How far the body may turn within a time about each row, rad, shape (N,); NaN where nothing is known.
 
     Parameters
@@ -212,13 +222,21 @@ def turned_by_offset(log: Log, rates: FloatArray, offset: float, gyro: GyroBound
         s.
     gyro : GyroBounds
     flow : GyroFlow
+    sampled : (N,) array, optional
+        A sensor's own stamps, s: about these, and from there to the row.
     """
     # Rates between the gyro's samples are on lines, which do not show what the true rate does there.
     rows, acceleration = log.gyro_rows, math.radians(flow.angular_acceleration_deg_per_s2)
     if not len(rows):
         return np.full(len(log.times), np.nan)
     return time_offset_angles(
-        log.times[rows], rates[rows], offset, at=log.times, gyro=gyro, angular_acceleration=acceleration
+        log.times[rows],
+        rates[rows],
+        offset,
+        at=log.times,
+        gyro=gyro,
+        angular_acceleration=acceleration,
+        sampled=sampled,
     )
 
 
@@ -272,8 +290,9 @@ def measured_velocity(log: Log, configuration: Configuration) -> MeasuredVelocit
             f"velocity: {', '.join(stated.columns)} were measured at no row between the gyro's first and last sample: "
             "leave the table out, or correct its time_column, time_unit and delay_s"
         )
+    moved = 0.0 if log.velocity_offsets is None else log.velocity_offsets
     return MeasuredVelocity(
-        log.times,
+        log.times + moved,
         log.velocities,
         stated.error_m_per_s,
         stated.largest_acceleration_m_per_s2,
@@ -300,6 +319,7 @@ def _over_windows(
     bound: VelocityWindowBound,
     errors: VectorSensorBounds,
     vectors: FloatArray,
+    sampled: FloatArray | None,
     rates: FloatArray | None,
     gyro: GyroBounds,
     log: Log,
@@ -340,6 +360,7 @@ def _over_windows(
         at=bound.at,
         maximum_step=min(_LONGEST_STEP * float(np.median(np.diff(times))), gyro.longest_interval),
         velocity=velocity,
+        sampled=None if sampled is None else sampled[rows],
     )
     return _among(found, rows, log)
 
@@ -385,6 +406,7 @@ def _by_rule(log: Log, configuration: Configuration) -> DirectionRows:
     rows = np.flatnonzero(sampled) if log.gyro_times is not None else np.arange(len(log.times))
     require_shared_stamps(log, names, rows)
     vectors, rule = log.directions[rows], configuration.calibrated_rule()
+    own = [None if (times := log.sampled(i)) is None else times[rows] for i in range(len(names))]
     velocity = measured_velocity(log, configuration)
     _require_as_slow(velocity, rule.motion.velocity_m_per_s, "the rule")
     ruled = rules.apply_rule(
@@ -395,6 +417,8 @@ def _by_rule(log: Log, configuration: Configuration) -> DirectionRows:
         None if len(names) == 1 else vectors[:, 1 - up_column] / _MICROTESLA,
         longest_interval=gaps.longest_interval(log, configuration),
         velocity=velocity,
+        forces_sampled=own[up_column],
+        fields_sampled=None if len(names) == 1 else own[1 - up_column],
     )
     up = np.array([0.0, 0.0, 1.0])
     found = [(names[up_column], _among(ruled.up, rows, log), up, "m/s^2")]

@@ -21,6 +21,9 @@ from elliptude.typing import FloatArray
 LARGEST_VALUE = 1e30
 """No sensor measures more, in any unit; the squares of larger numbers are soon beyond what a double holds."""
 
+ROUNDING_OF_STAMPS_S = 1e-9
+"""Stamps that are no further apart than this differ by rounding alone."""
+
 LARGEST_TIME_S = 1e10
 """The longest recording, 317 years; a double tells times at its end apart by 2 µs, and later ones less well."""
 # Since the year 1, as some count, it is 6.4e10.
@@ -96,6 +99,8 @@ class Piece:
     origin: int
     sampled: dict[str, FloatArray]
     """When channels that have values between samples were sampled, from the last time of the piece before on."""
+    offsets: dict[str, FloatArray]
+    """By how much the others' samples are later than their rows, s; empty where stamps are not brought together."""
 
 
 def pieces(file: LogFile, clocks: list[Clock], timing: Timing) -> Iterator[Piece]:
@@ -391,6 +396,8 @@ def _union(clocks: list[Clock], end: float, origin: int, timing: Timing, rows_me
     keep = np.ones(len(times), bool)
     values: dict[str, FloatArray] = {}
     sampled_at: dict[str, FloatArray] = {}
+    offsets: dict[str, FloatArray] = {}
+    are_moved = len(clocks) > 1 and timing.same_within_s > ROUNDING_OF_STAMPS_S
     for channel in chain.from_iterable(clock.channels for clock in clocks):
         sampled = np.concatenate(channel.times) if channel.times else np.empty(0)
         samples = np.concatenate(channel.values) if channel.values else np.empty((0, len(channel.columns)))
@@ -404,6 +411,9 @@ def _union(clocks: list[Clock], end: float, origin: int, timing: Timing, rows_me
         if channel.fill == "none":
             values[channel.name] = np.full((len(times), len(channel.columns)), np.nan)
             values[channel.name][at] = samples[:count]
+            if are_moved:
+                offsets[channel.name] = np.zeros(len(times))
+                offsets[channel.name][at] = sampled[:count] - times[at]
             keep_from = count
         else:
             values[channel.name], inside = _filled_in(times, sampled, samples, channel.fill)
@@ -413,7 +423,8 @@ def _union(clocks: list[Clock], end: float, origin: int, timing: Timing, rows_me
         channel.times, channel.values = [sampled[keep_from:]], [samples[keep_from:]]
         if not len(channel.times[0]):
             channel.times, channel.values = [], []
-    return Piece(times[keep], rows[keep], {name: value[keep] for name, value in values.items()}, origin, sampled_at)
+    kept, moved = ({name: value[keep] for name, value in some.items()} for some in (values, offsets))
+    return Piece(times[keep], rows[keep], kept, origin, sampled_at, moved)
 
 
 def _is_filled_in(clock: Clock) -> bool:

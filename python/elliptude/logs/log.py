@@ -32,7 +32,7 @@ from elliptude.io.files import FileError, sentence
 from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.open import LogSource, open_log
 from elliptude.io.tables import Measurements
-from elliptude.logs.alignment import OutOfOrderError, Piece, first_second, pieces, take
+from elliptude.logs.alignment import ROUNDING_OF_STAMPS_S, OutOfOrderError, Piece, first_second, pieces, take
 from elliptude.logs.channels import clocks_of
 from elliptude.logs.repair import Lost, Repaired, Survey, require_rows_in_time, require_torques, survey
 from elliptude.logs.rest_phase import RestField, field_in_rest
@@ -55,6 +55,10 @@ class Log:
     """When a gyro was sampled, s, shape (M,), rates between being filled in; None where it was in every row."""
     velocities: FloatArray | None = None
     """Measured velocities, m/s, in axes that do not turn, shape (N, 3); NaN where none was measured."""
+    offsets: FloatArray | None = None
+    """By how much samples are later than their rows, s, shape (N, m); None where stamps were not brought together."""
+    velocity_offsets: FloatArray | None = None
+    """The same of the velocities, shape (N,)."""
     control_torques: FloatArray | None = None
     """N m, body axes, row k acting until times[k], shape (N, 3)."""
     wheel_momenta: FloatArray | None = None
@@ -82,6 +86,13 @@ class Log:
     def gyro_rows(self) -> NDArray[np.intp]:
         """Rows that are samples of the gyro, or have a measured rate; the others are stamps of other sensors."""
         return np.flatnonzero(self.has_rate if self.gyro_times is None else np.isin(self.times, self.gyro_times))
+
+    def sampled(self, i: int) -> FloatArray | None:
+        """When direction i was sampled, s, shape (N,): its own stamps, or None where they are those of the rows."""
+        if self.offsets is None or not (np.abs(self.offsets[:, i]) > ROUNDING_OF_STAMPS_S).any():
+            return None
+        times: FloatArray = self.times + self.offsets[:, i]
+        return times
 
     def since(self, first: int) -> "Log":
         """The rows from one on."""
@@ -372,6 +383,10 @@ def _log(piece: Piece, file: LogFile, configuration: Configuration, constants: S
         rates=rates,
         gyro_times=piece.sampled.get("the gyro"),
         velocities=values.get("the velocity"),
+        offsets=np.column_stack([piece.offsets[sensor.name] for sensor in sensors])
+        if sensors and piece.offsets
+        else None,
+        velocity_offsets=piece.offsets.get("the velocity"),
         control_torques=values.get("the control torque"),
         wheel_momenta=values.get("the wheel momentum"),
         true_vectors=values.get("true vector"),

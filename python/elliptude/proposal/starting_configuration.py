@@ -403,13 +403,10 @@ def _put_by_sensor(
     if carried != "hand":
         full["carried"] = carried
         comments["carried",] = "whose numbers are usual: those that were not seen are of its rule"
-    moved = 0.0
     if "start" not in full and shared.by_all == 0.0:
-        moved = _bring_together(full, comments, proposed)
+        _bring_together(full, comments, proposed)
     table = rule_tables(proposed, margin, from_start=False, carried=carried)
     _bound_gyro(full["flow"], comments, table, proposed, _shortest_for_bias(table, up_alone=up_alone))
-    if moved > 0.0 and "velocity" in full:
-        _move(full["velocity"], comments, ("velocity",), moved)
     for sensor in directions:
         has_reference = bool(sensor.keys() & {"reference", "reference_ut"})
         _refer_field(sensor, full, comments, proposed, origin)
@@ -421,26 +418,18 @@ def _put_by_sensor(
             _bound_accelerometer(sensor, comments, table, vector, margin, over_windows=shared.forces > 0.5 and on_lines)
         else:
             _bound_magnetometer(sensor, comments, table, proposed, has_reference=has_reference)
-        if moved > 0.0:
-            _move(sensor, comments, ("directions", sensor["name"]), moved)
 
 
-def _move(sensor: Tables, comments: dict[Place, str], place: Place, moved: float) -> None:
-    """Let a sensor's stamps be off by as much more as they are moved, s."""
-    key = "time_offset_bound_s"
-    sensor[key] = upward(sensor.get(key, 0.0) + moved)
-    comments[(*place, key)] = f"{comments.get((*place, key), 'no guarantee')}; and timing.same_within_s"
-
-
-def _bring_together(full: Tables, comments: dict[Place, str], proposed: Proposal) -> float:
-    """Let stamps that are near make one row, as no two sensors have the same one; how far a stamp moves by that, s."""
+def _bring_together(full: Tables, comments: dict[Place, str], proposed: Proposal) -> None:
+    """Let stamps that are near make one row, as no two sensors have the same one."""
     timing = full.setdefault("timing", {})
     if "same_within_s" not in timing:
         # Less than half a step of the gyro: no two of its samples come into one row.
         step = proposed.gyro.longest_interval / TIMES_USUAL
         timing["same_within_s"] = float(f"{_NEAR * step:.2g}")
-        comments["timing", "same_within_s"] = "no two sensors have the same stamp; time_offset_bound_s of each has it"
-    return float(timing["same_within_s"])
+        comments["timing", "same_within_s"] = (
+            "no two sensors have the same stamp; what was measured beside its row is known"
+        )
 
 
 def _put(table: Tables, comments: dict[Place, str], place: Place, values: Mapping[str, tuple[Any, str]]) -> None:

@@ -283,6 +283,11 @@ def test_a_stamp_that_is_off_by_how_fast_a_body_turns_at_most():
     fields["directions"][1]["time_offset_bound_s"] = 0.3
     rows = direction_rows(log, Configuration.model_validate(fields))
     np.testing.assert_allclose(rows.angles, np.tile([0.02, 0.02 + 0.3 * np.deg2rad(10.0)], (5, 1)))
+    # A sample that is 0.2 s from its row turns by as much more.
+    moved = dataclasses.replace(log, offsets=np.array([[0.0, -0.2], *np.zeros((4, 2))]))
+    own = direction_rows(moved, Configuration.model_validate(fields))
+    np.testing.assert_allclose(own.angles[:2, 1], 0.02 + np.array([0.5, 0.3]) * np.deg2rad(10.0))
+    np.testing.assert_array_equal(own.angles[:, 0], rows.angles[:, 0])
     del fields["flow"]["largest_rate_deg_per_s"]
     with pytest.raises(ValueError, match="'two': time_offset_bound_s of a rigid body needs flow"):
         direction_rows(log, Configuration.model_validate(fields))
@@ -419,7 +424,7 @@ def test_the_reference_field_is_off_by_each_error_alone(parts):
     if tilt == 0.0:
         k, e = parts.get("magnetometer__scale_error", 0.0), parts.get("magnetometer__averaged_error_ut", 0.0)
         shown = FIELD * ((1.0 - k) * STRENGTH - e) / STRENGTH
-    reference, error = _field_at_rest(rule, times, np.tile(force, (401, 1)), np.tile(shown, (401, 1)))
+    reference, error = _field_at_rest(rule, times, np.tile(force, (401, 1)), times, np.tile(shown, (401, 1)))
     off = np.linalg.norm(reference - FIELD)
     assert 0.999 * error <= off <= error * (1.0 + 1e-9)
 

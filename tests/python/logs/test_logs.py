@@ -469,6 +469,24 @@ def test_sensors_whose_stamps_make_a_chain(tmp_path):
     assert np.isin(log.gyro_times, log.times).all()
 
 
+def test_what_was_measured_beside_its_row_is_known(tmp_path):
+    header = "t1,gx,gy,gz,t2,ax,ay,az"
+    late = [0.001 * (i % 3) for i in range(60)]
+    rows = [f"{0.01 * i:.3f},0,0,1,{0.01 * i + late[i]:.3f},0,0,1" for i in range(60)]
+    own = [{"time_column": f"t{i}", "time_unit": "s"} for i in (1, 2)]
+    near = configured(UP | own[1], flow=GYRO | own[0], timing={"same_within_s": 0.004})
+    log = read(tmp_path, *rows, configuration=near, header=header)
+    sampled = log.sampled(0)
+    assert sampled is not None
+    np.testing.assert_allclose(sampled[:-1], 0.01 * np.arange(59) + late[:59], atol=1e-12)  # the last has no rate
+    np.testing.assert_array_equal(log.since(7).sampled(0), sampled[7:])
+    apart = configured(UP | own[1], flow=GYRO | own[0])
+    assert read(tmp_path, *rows, configuration=apart, header=header).sampled(0) is None
+    together = configured(UP, timing={"same_within_s": 0.004})
+    rows = [f"{0.01 * i:.3f},0,0,1,0,0,1,1,0,0" for i in range(60)]
+    assert read(tmp_path, *rows, configuration=together).sampled(0) is None
+
+
 # --- against a slow alignment, and piece by piece ---------------------------------------------------------------------
 
 

@@ -105,7 +105,10 @@ def look_at_axes(log: Log, configuration: Configuration) -> AxesVerdict:
             continue
         expected = sensor.gravity_m_per_s2 if isinstance(sensor, Accelerometer) else _FIELD_UT
         if _SHORTEST < float(np.nanmedian(lengths)) / expected < _LONGEST:
-            vectors[sensor.name] = rows, _statement(sensor, configuration, rule)
+            offset = configuration.time_offset_of(sensor)
+            if (sampled := log.sampled(configuration.directions.index(sensor))) is not None:
+                offset += float(np.abs(sampled - log.times).max())
+            vectors[sensor.name] = rows, _statement(sensor, rule, offset)
 
     def tried(sign: float) -> dict[str, FloatArray]:
         tables = {
@@ -171,9 +174,8 @@ def _gyro(log: Log, rates: FloatArray, configuration: Configuration, rule: Rule)
     )
 
 
-def _statement(sensor: Accelerometer | Magnetometer, configuration: Configuration, rule: Rule) -> VectorStatement:
+def _statement(sensor: Accelerometer | Magnetometer, rule: Rule, offset: float) -> VectorStatement:
     bound = sensor.bound_from
-    offset = configuration.time_offset_of(sensor)
     if isinstance(sensor, Accelerometer):
         usual, motion = rule.accelerometer, rule.motion.bounds()
         gravity_error = usual.gravity_error_m_per_s2

@@ -1,0 +1,76 @@
+"""Sensors whose stamps `timing.same_within_s` brings together: a user states it, and sets hold the truth."""
+
+import numpy as np
+from elliptude import estimation
+from elliptude.configuration import Configuration
+from elliptude.estimation.direction_rows import direction_rows
+from elliptude.logs.log import read_log
+from inputs import angle_between
+from scipy.spatial.transform import Rotation
+
+STEP, COUNT, RATE = 0.01, 600, 1.5
+TIMES = STEP * np.arange(COUNT)
+LATE = 0.004 * np.sin(np.arange(COUNT)) ** 2
+
+
+def attitudes_at(times):
+    return Rotation.from_rotvec(np.outer(RATE * times, [1.0, 0.0, 0.0]))
+
+
+def columns(name):
+    return [f"{name}[{i}]" for i in range(3)]
+
+
+def configuration(*directions, **tables):
+    given = {
+        "time_column": "t",
+        "reference_frame": "ENU",
+        "flow": {"kind": "gyro", "columns": columns("gyr"), "noise_deg_per_s": 1e-6, "largest_rate_deg_per_s": 90.0},
+        "timing": {"same_within_s": 0.0045},
+        "directions": list(directions),
+        "estimator": {"mode": "guaranteed", "policy": "drop_measurement"},
+    }
+    return Configuration.model_validate(given | tables)
+
+
+def star(name, reference, **keys):
+    own = {"time_column": "own", "time_unit": "s", "columns": columns(name), "reference": reference}
+    return {"name": name, "bound_deg": 0.01} | own | keys
+
+
+def test_directions_of_a_body_that_turns(tmp_path):
+    """The turn between each sample and its row is in the bound, and no more than that."""
+    then = attitudes_at(TIMES + LATE).inv()
+    references = np.eye(3)[1:]
+    shown = {name: then.apply(one) for name, one in zip("ab", references, strict=True)}
+    np.savez(tmp_path / "log.npz", t=TIMES, own=TIMES + LATE, gyr=np.tile([RATE, 0.0, 0.0], (COUNT, 1)), **shown)
+    stated = configuration(*(star(name, one.tolist()) for name, one in zip("ab", references, strict=True)))
+    log = read_log(tmp_path / "log.npz", stated)
+    rows = direction_rows(log, stated)
+    turned = RATE * LATE[: len(log.times)]
+    np.testing.assert_allclose(rows.angles[:-1, 0], np.deg2rad(0.01) + turned[:-1], rtol=1e-3)
+    results = estimation.estimate(log, stated)
+    true = attitudes_at(log.times)
+    errors = (Rotation.from_matrix(results.result.attitudes).inv() * true).magnitude()
+    largest = results.result.largest_angles
+    assert np.isfinite(largest).all()
+    assert (errors <= largest + 1e-9).all()
+
+
+def test_an_accelerometer_that_is_shaken(tmp_path):
+    frequency, acceleration = 10.0 * np.pi, 20.0
+    late = 0.004 * (np.cos(frequency * TIMES) > 0.0)
+    forces = np.tile([0.0, 0.0, 9.80665], (COUNT, 1))
+    forces[:, 0] = acceleration * np.sin(frequency * (TIMES + late))
+    np.savez(tmp_path / "log.npz", t=TIMES, own=TIMES + late, gyr=np.zeros((COUNT, 3)), acc=forces)
+    window = {"kind": "velocity_window", "velocity_m_per_s": acceleration / frequency, "windows_s": [1.0, 2.0, 4.0]}
+    up = {
+        "name": "up", "kind": "accelerometer", "columns": columns("acc"), "unit": "m/s^2",
+        "time_column": "own", "time_unit": "s", "bound_from": window, "sensor_error": {"error_m_per_s2": 0.1},
+    }  # fmt: skip
+    stated = configuration(up)
+    rows = direction_rows(read_log(tmp_path / "log.npz", stated), stated)
+    bounded = np.isfinite(rows.angles[:, 0])
+    assert bounded.sum() > 0.9 * COUNT
+    true = np.tile([0.0, 0.0, 1.0], (len(rows.angles), 1))
+    assert (angle_between(rows.directions[:, 0], true) <= rows.angles[:, 0])[bounded].all()
