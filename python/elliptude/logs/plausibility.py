@@ -3,10 +3,11 @@
 A direction that stands still in the reference frame turns in the body by ḃ = b × ω, so over a short turn φ = ∫ω dt its
 change is b̄ × φ, b̄ the mean of both ends. The slope of the measured changes on these says what the gyro's numbers must
 be multiplied by: 1, or π/180 where degrees were declared as radians. A reference attitude C turns by C₁ᵀC₂ = exp(S(φ)).
-A log that does not turn shows nothing, and neither does one in which the gyro's bias alone may be what it shows: with a
-bias β the change is b̄ × (φ - hβ) over a step h, so that the slope is sought beside three more unknowns.
+A log that does not turn shows nothing, and neither does one in which the gyro's error alone may be what it shows. With
+a bias β the change is b̄ × (φ - hβ) over a step h, so that the slope is sought beside three more unknowns.
 """
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
@@ -195,7 +196,7 @@ def contradictions(log: Log, configuration: Configuration) -> list[Finding]:
 
 def _look(log: Log, configuration: Configuration) -> tuple[list[Finding], bool]:
     """What was found, and whether the log has moved enough to check its directions and rates."""
-    turns = _Turns(log)
+    turns = _Turns(log, configuration)
     by_direction = [_gyro_against_direction(log, turns, i, sensor) for i, sensor in enumerate(configuration.directions)]
     found = [finding for finding in by_direction if isinstance(finding, Finding)]
     is_confirmed = "confirmed" in by_direction
@@ -281,22 +282,60 @@ def _stuck_gyro(log: Log, configuration: Configuration) -> Finding | None:
 
 
 class _Turns:
-    """How far the measured rates turn from one time to another, as a vector: for small turns."""
+    """How far the measured rates turn from one time to another, as a vector: for small turns.
 
-    def __init__(self, log: Log) -> None:
+    Parameters
+    ----------
+    log : Log
+    configuration : Configuration
+        What it states of the rates counts as their error.
+    """
+
+    def __init__(self, log: Log, configuration: Configuration) -> None:
         known = np.zeros(len(log.times), bool) if log.rates is None else np.isfinite(log.rates[:, 0])
         self.is_known = bool(known.sum() > FEWEST_PAIRS)
         if self.is_known and log.rates is not None:
             self._times, rates = log.times[known], log.rates[known]
-            steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(self._times)[:, None]
-            self._sums = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+            steps = np.diff(self._times)
+            in_steps = 0.5 * (rates[1:] + rates[:-1]) * steps[:, None]
+            self._sums = np.concatenate([np.zeros((1, 3)), np.cumsum(in_steps, axis=0)])
+            errors = _rate_errors(self._times, rates, configuration)
+            self._errors = np.concatenate([[0.0], np.cumsum(0.5 * (errors[1:] + errors[:-1]) * steps)])
 
     def between(self, begins: FloatArray, ends: FloatArray) -> FloatArray:
         """Shape (n, 3), rad."""
         return self._until(ends) - self._until(begins)
 
+    def share_of_error(self, begins: FloatArray, ends: FloatArray) -> float:
+        """By how much a slope on these turns may differ from 1 because of the rates' errors.
+
+        With p = φ + n, n an error of at most N, changes that fit φ have the slope 1 - ⟨n, p⟩/⟨p, p⟩ on p, which is
+        within ‖N‖/‖p‖ of 1 by Cauchy and Schwarz.
+        """
+        turns = self.between(begins, ends)
+        power = float((turns**2).sum())
+        if power == 0.0:
+            return np.inf
+        stated = np.interp(ends, self._times, self._errors) - np.interp(begins, self._times, self._errors)
+        return math.sqrt(float((stated**2).sum()) / power)
+
     def _until(self, times: FloatArray) -> FloatArray:
         return np.column_stack([np.interp(times, self._times, column) for column in self._sums.T])
+
+
+def _rate_errors(times: FloatArray, rates: FloatArray, configuration: Configuration) -> FloatArray:
+    """Bounds of the rates' errors as they stand in the log, rad/s, shape (N,)."""
+    flow, speeds, since = configuration.flow, np.linalg.norm(rates, axis=1), times - times[0]
+    if not isinstance(flow, GyroFlow):
+        assert configuration.rate is not None  # whose rates these are
+        return np.full_like(speeds, math.sqrt(float(np.linalg.eigvalsh(configuration.rate.bound())[-1])))
+    if configuration.rule is not None:
+        rule = configuration.calibrated_rule()
+        errors: FloatArray = rule.gyro.bounds().rate_error(speeds, since) + math.radians(rule.rest.rate_deg_per_s)
+        return errors
+    between = flow.off_the_line(float(np.median(np.diff(times))))
+    known_bias = float(np.linalg.norm(np.deg2rad(flow.known_bias_deg_per_s)))
+    return np.asarray(flow.bounds().rate_error(speeds, since) + between + known_bias)
 
 
 def _gyro_against_direction(
@@ -340,7 +379,7 @@ def _gyro_against_direction(
         other, other_error = times_as_far(factor)
         if other_error < STANDARD_ERROR and LEAST <= other <= MOST:
             return _WrongUnit("error", name, f"turns {factor * other:.3g} times as far as the rate says, {meaning}")
-    if error >= STANDARD_ERROR:
+    if error >= STANDARD_ERROR or abs(value - 1.0) <= turns.share_of_error(begins, ends):
         return "unknown"
     severity: Severity = "warning" if is_accelerometer else "error"
     if -MOST <= value <= -LEAST:
@@ -383,9 +422,12 @@ def _reference_attitude(log: Log, turns: _Turns, configuration: Configuration) -
     second = Rotation.from_matrix(log.true_attitudes[there[chosen + 1]])
     label = configuration.truth.label
     if turns.is_known:
-        turn = turns.between(log.times[there[chosen]], log.times[there[chosen + 1]])
+        begins, ends = log.times[there[chosen]], log.times[there[chosen + 1]]
+        turn = turns.between(begins, ends)
         found = misread(first, second, turn, readings_of(configuration.truth))
         if found is None:
+            return None
+        if found.fitting is None and abs(found.slope - 1.0) <= turns.share_of_error(begins, ends):
             return None
         what = f"turns {found.slope:.2g} times as far as the rate says"
         if found.fitting is not None:

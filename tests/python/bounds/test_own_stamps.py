@@ -85,13 +85,12 @@ def test_a_body_that_turns_between_samples_and_their_rows():
 def test_the_turn_from_a_sample_to_its_row(early):
     """No more is in reach than what lies between them, and the offset of the stamp."""
     times = STEP * np.arange(200)
-    rates = np.outer(np.where(times < 1.0, 2.0, 0.5), X)
+    rates = np.outer(np.where((times < 1.0) == early, 2.0, 0.5), X)
     sampled = times + (-0.2 if early else 0.2)
     angles = time_offset_angles(times, rates, 0.0, sampled=sampled)
     row = 80 if early else 120
-    faster = 2.0 if early else 0.5
-    np.testing.assert_allclose(angles[row], 0.2 * faster)
-    np.testing.assert_allclose(time_offset_angles(times, rates, 0.1, sampled=sampled)[row], 0.3 * faster)
+    np.testing.assert_allclose(angles[row], 0.2 * 2.0)
+    np.testing.assert_allclose(time_offset_angles(times, rates, 0.1, sampled=sampled)[row], 0.3 * 2.0)
     # Where the sample is on the other side of the row, its rate counts.
     within = 110 if early else 90
     np.testing.assert_allclose(angles[within], 0.2 * 2.0)

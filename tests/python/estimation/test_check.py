@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 import tomlkit
 from elliptude import cli
-from elliptude.configuration import read_configuration
+from elliptude.configuration import Configuration, read_configuration
 from elliptude.estimation.check import check
 from elliptude.io.files import FileError
 from elliptude.logs import plausibility, read_log
+from elliptude.logs.log import Log
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
@@ -110,6 +111,29 @@ def test_gaps_and_empty_rows(tmp_path):
     assert report["sensors"][0]["longest_step_s"] == pytest.approx(3.01)
     assert report["sensors"][0]["longest_step_at_s"] == pytest.approx(9.99)
     assert "warning: the gyro: a gap of 3.01 s after 9.990000 s" in messages
+
+
+@pytest.mark.parametrize("noise", [1e-6, 1e-3, 0.05])
+@pytest.mark.parametrize("scatter", [0.0, 5.0 / 3600.0])
+def test_an_attitude_that_is_held(noise, scatter):
+    """All of what the gyro shows is noise, as is stated, and the star trackers are right not to turn."""
+    rng = np.random.default_rng(0)
+    times = 0.1 * np.arange(600)
+    stars = np.tile(np.eye(3)[:2], (600, 1, 1)) + np.radians(scatter) * rng.uniform(-0.5, 0.5, (600, 2, 3))
+    log = Log(times, stars, np.tile(np.eye(3)[:2], (600, 1, 1)), np.radians(noise) * rng.uniform(-0.5, 0.5, (600, 3)))
+    references = {"a": [1.0, 0.0, 0.0], "b": [0.0, 1.0, 0.0]}
+    configuration = Configuration.model_validate(
+        {
+            "time_column": "t",
+            "flow": {"kind": "gyro", "columns": ["p", "q", "r"], "noise_deg_per_s": 0.1},
+            "directions": [
+                {"name": name, "columns": ["x", "y", "z"], "reference": one, "bound_deg": 0.01}
+                for name, one in references.items()
+            ],
+            "estimator": {"mode": "guaranteed"},
+        }
+    )
+    assert plausibility.contradictions(log, configuration) == []
 
 
 @pytest.mark.parametrize(
