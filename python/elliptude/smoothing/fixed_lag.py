@@ -93,7 +93,8 @@ class FixedLagSmoother:
 
     Before a contradiction that the filter itself has met, and got over by its policy, its sets may have been wrong
     already without showing it. So nothing of them is carried to earlier moments: only what was known after the dispute
-    is.
+    is. Where such a set and what was known after have nothing in common, that is no new contradiction: the latter is
+    shown, called conditional.
 
     Parameters
     ----------
@@ -134,7 +135,7 @@ class FixedLagSmoother:
 
     @property
     def has_contradicted(self) -> bool:
-        """Whether `smoothed` found a past and its future that contradict one another; never under `raise`."""
+        """Whether `smoothed` found a new contradiction of a past and its future; never under `raise`."""
         return self._has_contradicted
 
     def forget(self) -> None:
@@ -196,10 +197,13 @@ class FixedLagSmoother:
         shown = carried = of_vector = _weakened(moments[0].known, contradicted)
         for later, earlier in pairwise(moments[: age + 1]):
             future = self._backward(later, _weakened(carried, contradicted))
-            (shown, smallest, of_vector), contradicts = self._both(_weakened(earlier.known, contradicted), future)
-            before_contradiction = earlier.contradictions != moments[0].contradictions
-            is_left_alone = before_contradiction and earlier.known.claim == _UNCONDITIONAL
-            carried = future if is_left_alone else smallest
+            past = _weakened(earlier.known, contradicted)
+            (shown, smallest, of_vector), are_apart = self._both(past, future)
+            is_before_dispute = earlier.contradictions != moments[0].contradictions
+            if are_apart and is_before_dispute:
+                shown = of_vector = _Known(future.ellipsoid, _CONDITIONAL)
+            contradicts = are_apart and not is_before_dispute and past.claim == _UNCONDITIONAL
+            carried = future if is_before_dispute else smallest
             if contradicts and self._filter.policy == "raise":
                 raise elliptude.InconsistentMeasurement(
                     f"what is known from before {earlier.time:.6f} s and from after it has nothing in common; some "
@@ -258,15 +262,18 @@ class FixedLagSmoother:
         if known.ellipsoid is None:
             return _Known(None, _NONE)
         bound = self._filter.vector_bound
-        back = elliptude.GuaranteedFilter(
-            mirrored_flow(self._filter.flow),
-            _mirrored(known.ellipsoid),
-            time=-later.time,
-            criterion=self._filter.criterion,
-            weight=self._filter.weight,
-            vector_bound=None if bound is None else (-bound[0], bound[1]),
-            estimate_vector=self._filter.estimate_vector,
-        )
+        try:
+            back = elliptude.GuaranteedFilter(
+                mirrored_flow(self._filter.flow),
+                _mirrored(known.ellipsoid),
+                time=-later.time,
+                criterion=self._filter.criterion,
+                weight=self._filter.weight,
+                vector_bound=None if bound is None else (-bound[0], bound[1]),
+                estimate_vector=self._filter.estimate_vector,
+            )
+        except ValueError:  # a set that nothing can start from, as one that the motion has taken out of its bound
+            return _Known(None, _NONE)
         try:
             later.move_back(back, -later.time + later.duration)
         except PredictionError:
@@ -275,7 +282,7 @@ class FixedLagSmoother:
         return _Known(None, _NONE) if found is None else _Known(_mirrored(found), known.claim)
 
     def _both(self, past: _Known, future: _Known) -> tuple[tuple[_Known, _Known, _Known], bool]:
-        """What is shown, the smallest, what says most of the vector, and whether both contradict one another."""
+        """What is shown, the smallest, what says most of the vector, and whether equal claims are of sets apart."""
         if future.claim < past.claim:
             return (future, future, future), False
         if future.claim > past.claim or past.ellipsoid is None or future.ellipsoid is None:
@@ -288,7 +295,7 @@ class FixedLagSmoother:
         one, other = _state_sets(past.ellipsoid, k), _state_sets(future.ellipsoid, k)
         found = common(one, other, weight)
         if not found.meet[0]:
-            return (past, past, past), past.claim == _UNCONDITIONAL
+            return (past, past, past), True
         if not log_sizes(found.sets.shapes, weight)[0] < log_sizes(one.shapes, weight)[0]:
             return (past, past, past), False
         before = past.ellipsoid.shape

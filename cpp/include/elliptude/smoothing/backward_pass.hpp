@@ -64,7 +64,8 @@ struct SmoothedSet {
 ///
 /// Before a contradiction that the filter itself has met, and got over by its policy, its sets may have been wrong
 /// already without showing it. So nothing of them is carried to earlier moments: only what was known after the dispute
-/// is.
+/// is. Where such a set and what was known after have nothing in common, that is no new contradiction: the latter is
+/// shown, called conditional.
 template <typename FilterType>
 class BackwardPass {
  public:
@@ -83,7 +84,7 @@ class BackwardPass {
         contradictions_(last.contradictions),
         has_contradicted_(has_contradicted) {
     both_.smoothed = weakened(last.known);
-    both_.vector = {vector_part(last.known.set.center), last.known.set.shape.template bottomRightCorner<3, 3>()};
+    both_.vector = detail::vector_of(last.known.set);
     carried_ = both_.smoothed;
   }
   BackwardPass(const Filter&&, const FilterMoment<Filter>&, bool = false) = delete;
@@ -102,14 +103,17 @@ class BackwardPass {
         status != Status::ok) {
       return status;
     }
+    const bool is_before_dispute = earlier.contradictions != contradictions_;
+    if (both.are_apart && is_before_dispute) {
+      both = after_dispute(future);
+    }
     if (both.contradict && filter_.settings().policy == Policy::raise) {
       return Status::empty_intersection;
     }
     both_ = both;
     has_contradicted_ = has_contradicted_ || both.contradict;
     both_.smoothed = weakened(both_.smoothed);
-    const bool before_contradiction = earlier.contradictions != contradictions_;
-    carried_ = weakened(before_contradiction && earlier.known.claim == Claim::unconditional ? future : both.smallest);
+    carried_ = weakened(is_before_dispute ? future : both.smallest);
     time_ = earlier.time;
     interval_ = earlier.interval;
     return Status::ok;
@@ -120,7 +124,8 @@ class BackwardPass {
     return {time_, both_.smoothed.set, both_.vector, both_.smoothed.claim, both_.uses_future};
   }
 
-  /// Whether past and future have proved that a statement is wrong. It may be wrong elsewhere without showing it: no
+  /// Whether past and future have proved that a statement is wrong, where the filter had met no contradiction in
+  /// between. It may be wrong elsewhere without showing it: no
   /// set is unconditional from then on, and those of later moments, which the pass has shown before, should not have
   /// been.
   [[nodiscard]] bool has_contradicted() const noexcept { return has_contradicted_; }
@@ -134,6 +139,15 @@ class BackwardPass {
     if (has_contradicted_ && known.claim == Claim::unconditional) {
       result.claim = Claim::conditional;
     }
+    return result;
+  }
+
+  /// What is shown where the filter's set has been given up for what the future comes from.
+  [[nodiscard]] static BothDirections<State> after_dispute(const ClaimedSet<State>& future) noexcept {
+    BothDirections<State> result;
+    result.smoothed = {future.set, Claim::conditional};
+    result.vector = detail::vector_of(future.set);
+    result.uses_future = true;
     return result;
   }
 

@@ -29,8 +29,9 @@ struct BothDirections {
   /// The smallest by the criterion, which may be wider in its largest angle: what a pass backward goes on with.
   ClaimedSet<State> smallest;
   bool uses_future = false;  ///< whether the smoothed set is another than the past's
-  /// Whether both hold on the stated bounds alone, and have nothing in common: a statement is wrong. Both sets are then
-  /// the past's.
+  /// Whether the claims are equal and the sets have nothing in common. Both sets of the result are then the past's.
+  bool are_apart = false;
+  /// Whether they are apart and hold on the stated bounds alone: a statement is wrong.
   bool contradict = false;
 };
 
@@ -71,6 +72,7 @@ template <typename State>
       return status;
     }
     if (status == Status::empty_intersection) {
+      found.are_apart = true;
       found.contradict = past.claim == Claim::unconditional;
     } else if (common.shape != past.set.shape) {
       found.smallest.set = common;

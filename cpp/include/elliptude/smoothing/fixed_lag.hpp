@@ -40,7 +40,8 @@ class FixedLag {
   /// How many moments there are, with the present one: 1 to Lag + 1.
   [[nodiscard]] std::size_t moments() const noexcept { return count_; }
   /// Whether a past and its future were found to contradict one another, in what `smoothed` was asked for since the
-  /// beginning, or since the filter forgot; not under `Policy::raise`, which keeps nothing of it.
+  /// beginning, or since the filter forgot: where the filter had met no contradiction in between; not under
+  /// `Policy::raise`, which keeps nothing of it.
   [[nodiscard]] bool has_contradicted() const noexcept { return has_contradicted_; }
 
   /// `GuaranteedFilter::forget`; the moments are forgotten, too.
@@ -51,6 +52,9 @@ class FixedLag {
 
   /// `GuaranteedFilter::predict`. A prediction over no time begins no moment, but a turn does.
   [[nodiscard]] Status predict(const Scalar& time, const Input& input) noexcept {
+    if (cannot_tell_seconds(time)) {
+      return Status::out_of_range;
+    }
     return predict_interval(time, Scalar(time - filter_.time()), input);
   }
   /// `GuaranteedFilter::predict_interval`.
@@ -62,6 +66,9 @@ class FixedLag {
   }
   /// `GuaranteedFilter::predict_turn`.
   [[nodiscard]] Status predict_turn(const Scalar& time, const Vector3<Scalar>& turn, const Scalar& angle) noexcept {
+    if (cannot_tell_seconds(time)) {
+      return Status::out_of_range;
+    }
     return predict_turn_interval(time, Scalar(time - filter_.time()), turn, angle);
   }
   /// `GuaranteedFilter::predict_turn_interval`.
@@ -106,6 +113,11 @@ class FixedLag {
   }
 
  private:
+  /// A time that tells no seconds is refused where an interval is the difference of two.
+  [[nodiscard]] static bool cannot_tell_seconds(const Scalar& time) noexcept {
+    return scalar::isfinite(time) && !rounding::tells_seconds(time);
+  }
+
   [[nodiscard]] FilterMoment<Filter>& moment(std::size_t age) noexcept {
     return moments_[(newest_ + Lag + 1 - age) % (Lag + 1)];
   }
