@@ -228,6 +228,23 @@ TEST_CASE("a bound of the vector that contradicts what is known of it is refused
   CHECK(filter.bound_vector({Vector3<double>(1, 0, 0), 0.01 * one}) == Status::ok);
 }
 
+TEST_CASE("a start that contradicts the bound of the vector is refused, but a stored set is taken up as it was") {
+  for (const bool estimates_vector : {true, false}) {
+    GuaranteedGyroFlow<double> flow;
+    REQUIRE(GuaranteedGyroFlow<double>::make({}, GuaranteedGyroFlow<double>::IntervalRate::mean, flow) == Status::ok);
+    GyroFilter::Settings settings;
+    settings.estimates_vector = estimates_vector;
+    GyroFilter filter;
+    REQUIRE(GyroFilter::make(flow, settings, 0, filter) == Status::ok);
+    REQUIRE(filter.bound_vector({Vector3<double>(5, 0, 0), 0.01 * one}) == Status::ok);
+    const auto set = set_about<GibbsChart>(1, 0);
+    CHECK(filter.start(set) == (estimates_vector ? Status::empty_intersection : Status::ok));
+    CHECK(filter.knows_attitude() != estimates_vector);
+    CHECK(filter.resume(&set, nullptr, Trust()) == Status::ok);
+    CHECK(filter.knows_attitude());
+  }
+}
+
 TEST_CASE("where there is no set, none is shown, and a report says what this update did") {
   GyroFilter filter = started_filter(Policy::raise);
   const Direction<double> up = Direction<double>::within(Vector3<double>::UnitZ(), Vector3<double>::UnitZ(), 0.1);

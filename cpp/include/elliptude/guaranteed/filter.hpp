@@ -55,39 +55,18 @@ class GuaranteedFilter {
 
   /// Starts the filter: the state is in this set now.
   /// \return the status of `validate`; `not_positive_definite` of a flat set; `unbounded` of a set that holds half
-  /// turns; `out_of_range` beyond the `FilterDomain`.
+  /// turns; `out_of_range` beyond the `FilterDomain`; `empty_intersection` where its vector has nothing in common with
+  /// the bound that `bound_vector` has stated, unless the vector is left to that.
   template <typename Chart>
   [[nodiscard]] Status start(const StateEllipsoid<State, Chart>& set) noexcept {
-    if (const Status status = validate(set); status != Status::ok) {
-      return status;
-    }
-    Matrix6<Scalar> factor;
-    if (const Status status = cholesky(set.shape, factor); status != Status::ok) {
-      return status;
-    }
     Set begin;
-    if constexpr (std::is_same_v<Chart, GibbsChart>) {
-      begin = set;
-    } else {
-      if (const Status status = converted(set, begin); status != Status::ok) {
-        return status;
-      }
+    if (const Status status = startable(set, begin); status != Status::ok) {
+      return status;
     }
-    if (!is_rotation(begin.center.attitude, rounding::share<Scalar>(rounding::rotation))) {
-      begin.center.attitude = renormalized(begin.center.attitude);  // about the nearest rotation, which rounding turns
-      begin.shape =
-          detail::with_attitude_added(begin.shape, Scalar(0), rounding::share<Scalar>(rounding::center), Scalar(0));
+    if (memory_.known.has_vector_bound && memory_.contradicts(detail::vector_of(begin), memory_.known.vector_bound)) {
+      return Status::empty_intersection;
     }
-    memory_.confine(begin);
-    if (!can_be_kept(begin)) {
-      return Status::out_of_range;
-    }
-    memory_.constraints.count = 0;
-    memory_.known.set = begin;
-    memory_.known.has_attitude = true;
-    memory_.known.has_vector = false;
-    memory_.trust.forget();
-    memory_.claim = Claim::unconditional;
+    begin_with(begin);
     return Status::ok;
   }
 
@@ -100,7 +79,7 @@ class GuaranteedFilter {
       return status;
     }
     const Ellipsoid<Scalar, 3> wider = with_least_width(bound);
-    if (memory_.contradicts(wider)) {
+    if (memory_.knows_vector() && memory_.contradicts(memory_.known_vector(), wider)) {
       return Status::empty_intersection;
     }
     memory_.known.vector_bound = wider;
@@ -168,15 +147,18 @@ class GuaranteedFilter {
   /// Restores a stored filter bit for bit, after `make` with its settings and time, and `bound_vector`.
   /// \param set its set, or null if it did not know the attitude.
   /// \param vector what it knew without the attitude, or null.
-  /// \return `out_of_range` of both, or of a negative count; the status of `start` and `bound_vector`.
+  /// \return `out_of_range` of both, or of a negative count; the status of `start`, but for `empty_intersection`, and
+  /// of `bound_vector`.
   [[nodiscard]] Status resume(const Set* set, const Ellipsoid<Scalar, 3>* vector, const Trust& trust) noexcept {
     if (trust.agreeing_updates() < 0 || trust.disputed_updates() < 0 || (set != nullptr && vector != nullptr)) {
       return Status::out_of_range;
     }
     if (set != nullptr) {
-      if (const Status status = start(*set); status != Status::ok) {
+      Set begin;  // it need not meet the bound: what was predicted may have left it
+      if (const Status status = startable(*set, begin); status != Status::ok) {
         return status;
       }
+      begin_with(begin);
     } else if (vector != nullptr) {
       if (const Status status = Memory::validated(*vector); status != Status::ok) {
         return status;
@@ -278,6 +260,42 @@ class GuaranteedFilter {
 
  private:
   using Memory = detail::FilterMemory<Flow>;
+
+  /// A set as the filter would keep it.
+  /// \return the status of `start`, but for `empty_intersection`.
+  template <typename Chart>
+  [[nodiscard]] Status startable(const StateEllipsoid<State, Chart>& set, Set& begin) const noexcept {
+    if (const Status status = validate(set); status != Status::ok) {
+      return status;
+    }
+    Matrix6<Scalar> factor;
+    if (const Status status = cholesky(set.shape, factor); status != Status::ok) {
+      return status;
+    }
+    if constexpr (std::is_same_v<Chart, GibbsChart>) {
+      begin = set;
+    } else {
+      if (const Status status = converted(set, begin); status != Status::ok) {
+        return status;
+      }
+    }
+    if (!is_rotation(begin.center.attitude, rounding::share<Scalar>(rounding::rotation))) {
+      begin.center.attitude = renormalized(begin.center.attitude);  // about the nearest rotation, which rounding turns
+      begin.shape =
+          detail::with_attitude_added(begin.shape, Scalar(0), rounding::share<Scalar>(rounding::center), Scalar(0));
+    }
+    memory_.confine(begin);
+    return can_be_kept(begin) ? Status::ok : Status::out_of_range;
+  }
+
+  void begin_with(const Set& set) noexcept {
+    memory_.constraints.count = 0;
+    memory_.known.set = set;
+    memory_.known.has_attitude = true;
+    memory_.known.has_vector = false;
+    memory_.trust.forget();
+    memory_.claim = Claim::unconditional;
+  }
 
   Memory memory_;
 };

@@ -78,14 +78,17 @@ struct FilterMemory {
     }
   }
 
+  [[nodiscard]] bool knows_vector() const noexcept { return known.has_attitude || known.has_vector; }
+
+  /// What is known of the vector, with the attitude or without.
+  [[nodiscard]] Ellipsoid<Scalar, 3> known_vector() const noexcept {
+    return known.has_attitude ? vector_of(known.set) : known.vector;
+  }
+
   /// Whether a bound of the vector has nothing in common with what is known of it, where that is not the bound itself.
-  [[nodiscard]] bool contradicts(const Ellipsoid<Scalar, 3>& bound) const noexcept {
-    if (leaves_vector() || !(known.has_attitude || known.has_vector)) {
-      return false;
-    }
+  [[nodiscard]] bool contradicts(const Ellipsoid<Scalar, 3>& vector, const Ellipsoid<Scalar, 3>& bound) const noexcept {
     Scalar margin(1);
-    const Ellipsoid<Scalar, 3> present = known.has_attitude ? vector_of(known.set) : known.vector;
-    return overlap_margin(present, bound, margin) == Status::ok && margin < Scalar(0);
+    return !leaves_vector() && overlap_margin(vector, bound, margin) == Status::ok && margin < Scalar(0);
   }
 
   /// A set of errors about a center put about its own. All sets but predictions come this way.

@@ -70,8 +70,8 @@ class FilterPrediction {
   /// What is known of the vector, where no attitude is known any more.
   [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status predict_vector(const Scalar& time, const Scalar& duration,
                                                             const Input& input) noexcept {
-    Ellipsoid<Scalar, 3> vector = filter_.known.has_attitude ? vector_of(filter_.known.set) : filter_.known.vector;
-    bool has_vector = filter_.settings.estimates_vector && (filter_.known.has_attitude || filter_.known.has_vector);
+    Ellipsoid<Scalar, 3> vector = filter_.known_vector();
+    bool has_vector = filter_.settings.estimates_vector && filter_.knows_vector();
     if (has_vector) {
       const Status status = filter_.flow.predict_vector(filter_.time, duration, input, vector, vector);
       // What was given so flat that its factor is rounding has none after a turn: nothing can be made of it.

@@ -140,7 +140,7 @@ class SetSolver {
           !(svd.values(1) * wahba_condition_limit<Scalar>() > svd.values(0))) {
         return Status::unbounded;
       }
-      attitude = svd.u * svd.v.transpose();
+      attitude = renormalized(Matrix3<Scalar>(svd.u * svd.v.transpose()));
     }
     center = State{attitude, vector};
     return Status::ok;
