@@ -114,7 +114,7 @@ inline constexpr int objective = 64;
 inline constexpr int slope = 4;
 ///@}
 
-/// Directions, attitudes and their cones. (theory, sections 15.7 and 16.2)
+/// Directions, attitudes and their cones. (theory, sections 15.7, 16.1 and 16.2)
 ///@{
 /// Error of the angle between unit vectors, one seen through an attitude that is a rotation to rounding; also relative
 /// to the angle.

@@ -58,7 +58,7 @@ template <typename Scalar, int Rows>
 }
 
 /// The angle within which a direction is known, the largest √λ of ΠSΠ, Π = I − b̃b̃ᵀ: ∠(exp(S(ν)) b̃, b̃) ≤ ‖Πν‖ for
-/// every ν. No less whatever rounding does, however long S is along b̃. (theory, section 16.2)
+/// every ν. No less whatever rounding does, however long S is along b̃. (theory, section 16.1)
 /// \return the status of `validate`.
 template <typename Scalar>
 [[nodiscard]] Status angle_bound(const Direction<Scalar>& direction, Scalar& angle) noexcept {
