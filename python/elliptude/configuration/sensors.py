@@ -47,7 +47,7 @@ Encoding = Annotated[str, AfterValidator(_known_encoding)]
 
 
 def _rotation(axes: tuple[str, str, str] | Matrix) -> tuple[str, str, str] | Matrix:
-    matrix = rotation_of_axes(axes)
+    matrix = _as_written(axes)
     deviation = np.abs(matrix @ matrix.T - np.eye(3)).max()
     if deviation > _ROTATION_TOLERANCE or np.linalg.det(matrix) < 0.0:
         raise ValueError("must be a rotation: perpendicular axes of length 1, right-handed")
@@ -55,7 +55,7 @@ def _rotation(axes: tuple[str, str, str] | Matrix) -> tuple[str, str, str] | Mat
 
 
 def rotation_of_axes(axes: tuple[str, str, str] | Matrix) -> FloatArray:
-    """The matrix (3, 3) that takes sensor axes to body axes, as close to a rotation as it was written.
+    """The rotation (3, 3) that takes sensor axes to body axes: of a matrix, written with few digits, the nearest one.
 
     Parameters
     ----------
@@ -66,6 +66,14 @@ def rotation_of_axes(axes: tuple[str, str, str] | Matrix) -> FloatArray:
     -------
     (3, 3) array
     """
+    matrix = _as_written(axes)
+    if isinstance(axes[0], str):
+        return matrix
+    left, _, right = np.linalg.svd(matrix)
+    return np.asarray(left @ right, dtype=np.float64)
+
+
+def _as_written(axes: tuple[str, str, str] | Matrix) -> FloatArray:
     if isinstance(axes[0], str):
         matrix = np.zeros((3, 3))
         for row, name in zip(matrix, axes, strict=True):

@@ -395,3 +395,12 @@ def test_all_that_is_compared_is_bounded():
     """The tables of windows, distances and cells are what the documentation says."""
     assert sensor_axes._CELL_S * max(sensor_axes._HALF_LENGTHS) == 6.0
     assert min(sensor_axes._DISTANCES) == 2
+
+
+def test_a_matrix_of_axes_with_few_digits_is_brought_to_the_nearest_rotation():
+    angle = np.deg2rad(30.0)
+    exact = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    written = tuple(tuple(row) for row in np.round(exact, 4) * (1.0 + 4e-5))
+    found = rotation_of_axes(written)
+    np.testing.assert_allclose(found @ found.T, np.eye(3), atol=4e-16)
+    np.testing.assert_allclose(found, exact, atol=5e-5)
