@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.optimize import linprog
+import scipy
 
 from elliptude.typing import FloatArray
 
@@ -49,7 +49,7 @@ class ParameterSet:
 
     def support(self, direction: FloatArray) -> float:
         """An upper bound of cᵀθ over the set, (19.6); the least one up to the solver's tolerance."""
-        found = linprog(
+        found = scipy.optimize.linprog(
             -direction,
             A_ub=self.rows,
             b_ub=self.limits + _room(self.rows, self.limits, self._sizes()),
@@ -77,7 +77,7 @@ class ParameterSet:
             By how much each is widened for one unit, positive.
         """
         column = np.concatenate([np.zeros(first), -slack])
-        found = linprog(
+        found = scipy.optimize.linprog(
             np.append(np.zeros(len(self.lowest)), 1.0),
             A_ub=np.column_stack([self.rows, column]),
             b_ub=self.limits,
@@ -164,7 +164,7 @@ def small_ball(directions: FloatArray, cosine: float, supports: FloatArray) -> t
     center : (3,) array
     radius : float
     """
-    found = linprog(
+    found = scipy.optimize.linprog(
         [0.0, 0.0, 0.0, 1.0],
         A_ub=np.column_stack([-directions, -np.ones(len(directions))]),
         b_ub=-supports,

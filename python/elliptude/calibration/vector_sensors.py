@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from elliptude.bounds.samples import mean_error
 from elliptude.calibration.parameter_sets import ParameterSet, covering_directions, small_ball
@@ -164,7 +164,7 @@ def proposal(poses: Sequence[Pose], stated: SensorStatements) -> FloatArray:
         return np.concatenate([lengths - x[3], weak])
 
     start = np.append(np.zeros(3), 0.5 * (stated.least + stated.greatest))
-    found = least_squares(residuals, start)
+    found = scipy.optimize.least_squares(residuals, start)
     offset, size = found.x[:3], float(np.linalg.norm(found.x[:3]))
     offset = offset * min(1.0, stated.offset / size) if size > 0.0 else offset
     return np.concatenate([offset, np.zeros(6), [np.clip(found.x[3], stated.least, stated.greatest)]])

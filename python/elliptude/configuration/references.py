@@ -7,7 +7,7 @@ mean equator and equinox of that date. Where a world model or a declination is u
 from datetime import UTC, datetime
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from elliptude.configuration import sun
 from elliptude.configuration.sensors import ReferenceFrame, RestPhase, SunByTime, WorldModel
@@ -105,7 +105,9 @@ def rest_field(
         As long as ``field``.
     """
     if phase.attitude_qw_qx_qy_qz is not None:
-        return np.asarray(Rotation.from_quat(phase.attitude_qw_qx_qy_qz, scalar_first=True).apply(field))
+        return np.asarray(
+            scipy.spatial.transform.Rotation.from_quat(phase.attitude_qw_qx_qy_qz, scalar_first=True).apply(field)
+        )
     assert upward is not None
     assert phase.declination_deg is not None
     along = float(field @ upward / np.linalg.norm(upward))

@@ -6,9 +6,16 @@ precession (Capitaine et al., *Astronomy & Astrophysics* 412, 2003) takes it to 
 Neither frame has nutation; the Sun's ecliptic latitude, below 0.0004 degrees, is left out.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 J2000_JD = 2_451_545.0  # TT
 _DAYS_PER_CENTURY = 36_525.0
@@ -61,7 +68,7 @@ def precession_to_j2000(jd_tt: ArrayLike) -> Rotation:
     theta = t * (2004.191903 - t * (0.4294934 + t * 0.04182264))
     # From J2000 to date the axes turn by -zeta about z, theta about y, -z about z: so do vectors from date to J2000.
     angles_deg = np.stack([-zeta, theta, -z], axis=-1) * _ARCSECOND_DEG
-    return Rotation.from_euler("ZYZ", angles_deg, degrees=True)
+    return scipy.spatial.transform.Rotation.from_euler("ZYZ", angles_deg, degrees=True)
 
 
 def sun_direction_j2000(jd_tt: ArrayLike) -> NDArray[np.float64]:

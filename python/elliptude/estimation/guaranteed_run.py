@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 import elliptude
 from elliptude.bounds.gyro import GyroBounds
@@ -213,7 +213,7 @@ def _shortest_turn_to_vertical(up: FloatArray) -> FloatArray:
     sine = float(np.linalg.norm(axis))
     if sine < 1e-12:
         return np.eye(3) if up[2] > 0.0 else np.diag([1.0, -1.0, -1.0])
-    turn = Rotation.from_rotvec(np.arctan2(sine, up[2]) / sine * axis)
+    turn = scipy.spatial.transform.Rotation.from_rotvec(np.arctan2(sine, up[2]) / sine * axis)
     return np.asarray(turn.as_matrix(), dtype=np.float64)
 
 
@@ -226,7 +226,7 @@ def turned_to_start(true_attitudes: FloatArray, run: GuaranteedRun) -> FloatArra
     sine = float(np.linalg.norm(axis))
     turn = np.eye(3)
     if sine > 0.0:
-        turn = Rotation.from_rotvec(np.arctan2(sine, true_up @ up) / sine * axis).as_matrix()
+        turn = scipy.spatial.transform.Rotation.from_rotvec(np.arctan2(sine, true_up @ up) / sine * axis).as_matrix()
     turned: FloatArray = estimated @ turn @ true_attitudes[0].T @ true_attitudes
     return turned
 

@@ -10,8 +10,8 @@ from dataclasses import asdict
 from typing import Any, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 import elliptude
 from elliptude.configuration import suspicions
@@ -188,10 +188,10 @@ def _best_errors(result: Result) -> FloatArray:
     known = np.isfinite(turns).all(axis=1) & np.isfinite(result.best_quaternions[:, 0])
     if known.any():
         center, best = (
-            Rotation.from_quat(quaternions[known], scalar_first=True)
+            scipy.spatial.transform.Rotation.from_quat(quaternions[known], scalar_first=True)
             for quaternions in (result.quaternions, result.best_quaternions)
         )
-        angles[known] = (best.inv() * center * Rotation.from_rotvec(turns[known])).magnitude()
+        angles[known] = (best.inv() * center * scipy.spatial.transform.Rotation.from_rotvec(turns[known])).magnitude()
     return angles
 
 

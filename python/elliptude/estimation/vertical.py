@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 import elliptude
 from elliptude.configuration.configuration import Configuration
@@ -177,7 +177,7 @@ def contradictions_of_up(rows: DirectionRows, turns: Turns | None, up: Direction
     measured, angles = rows.directions[:, rows.up_column], rows.angles[:, rows.up_column]
     before = turns.anchors
     at = np.flatnonzero((before >= 0) & np.isfinite(turns.vectors).all(axis=1) & (angles < np.pi))
-    expected = Rotation.from_rotvec(-turns.vectors[at]).apply(up.directions[before[at]])
+    expected = scipy.spatial.transform.Rotation.from_rotvec(-turns.vectors[at]).apply(up.directions[before[at]])
     away = _angles_between(measured[at], expected)
     excess = np.full(len(before), -np.inf)
     excess[at] = away - angles[at] - turns.angles[at] - up.angles[before[at]]

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, Self, TypeAlias
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from elliptude.io.column_files import (
     Column,
@@ -412,7 +412,9 @@ def quaternions_from_attitudes(attitudes: FloatArray) -> FloatArray:
     known = np.isfinite(attitudes[:, 0, 0])
     quaternions = np.full((len(attitudes), 4), np.nan)
     if known.any():
-        quaternions[known] = Rotation.from_matrix(attitudes[known]).as_quat(canonical=True, scalar_first=True)
+        quaternions[known] = scipy.spatial.transform.Rotation.from_matrix(attitudes[known]).as_quat(
+            canonical=True, scalar_first=True
+        )
     return quaternions
 
 
@@ -421,7 +423,7 @@ def attitudes_from_quaternions(quaternions: FloatArray) -> FloatArray:
     known = np.isfinite(quaternions[:, 0])
     attitudes = np.full((len(quaternions), 3, 3), np.nan)
     if known.any():
-        attitudes[known] = Rotation.from_quat(quaternions[known], scalar_first=True).as_matrix()
+        attitudes[known] = scipy.spatial.transform.Rotation.from_quat(quaternions[known], scalar_first=True).as_matrix()
     return attitudes
 
 

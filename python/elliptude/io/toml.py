@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
+import scipy
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError
-from scipy.spatial.transform import Rotation
 
 from elliptude.io.files import FileError, system_fault
 from elliptude.io.toml_faults import faults_in_words, syntax_in_words
@@ -89,7 +89,9 @@ class RotationVectorDeg(Model):
 
     def matrix(self) -> FloatArray:
         """The attitude C from body to reference axes, shape (3, 3)."""
-        matrix: FloatArray = Rotation.from_rotvec(self.rotation_vector_deg, degrees=True).as_matrix()
+        matrix: FloatArray = scipy.spatial.transform.Rotation.from_rotvec(
+            self.rotation_vector_deg, degrees=True
+        ).as_matrix()
         return matrix
 
 

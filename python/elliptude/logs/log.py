@@ -12,8 +12,8 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from elliptude import units
 from elliptude.configuration import references
@@ -410,7 +410,7 @@ def _attitudes(quaternions: FloatArray, log: Log, order: str, turns: str) -> Flo
         path = log.file.path if log.file else ""
         raise FileError(f"{path}: the quaternion to compare with is zero at {log.place(int(np.argmax(zero)))}")
     if known.any():
-        rotations = Rotation.from_quat(quaternions[known], scalar_first=order == "wxyz")
+        rotations = scipy.spatial.transform.Rotation.from_quat(quaternions[known], scalar_first=order == "wxyz")
         attitudes[known] = (rotations if turns == "body_to_reference" else rotations.inv()).as_matrix()
     return attitudes
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from elliptude import units
 from elliptude.configuration.configuration import Configuration
@@ -418,8 +418,8 @@ def _reference_attitude(log: Log, turns: _Turns, configuration: Configuration) -
     if len(there) <= FEWEST_PAIRS:
         return None
     chosen = _some(len(there) - 1)
-    first = Rotation.from_matrix(log.true_attitudes[there[chosen]])
-    second = Rotation.from_matrix(log.true_attitudes[there[chosen + 1]])
+    first = scipy.spatial.transform.Rotation.from_matrix(log.true_attitudes[there[chosen]])
+    second = scipy.spatial.transform.Rotation.from_matrix(log.true_attitudes[there[chosen + 1]])
     label = configuration.truth.label
     if turns.is_known:
         begins, ends = log.times[there[chosen]], log.times[there[chosen + 1]]
@@ -450,7 +450,7 @@ def _reference_against_directions(log: Log, configuration: Configuration) -> Fin
         if len(there) <= FEWEST_PAIRS:
             continue
         there = there[_some(len(there))]
-        rotations = Rotation.from_matrix(log.true_attitudes[there])
+        rotations = scipy.spatial.transform.Rotation.from_matrix(log.true_attitudes[there])
         directions, references = _unit(log.directions[there, i]), _unit(log.references[there, i])
         for read in choices:
             cosines = (read(rotations).apply(directions) * references).sum(axis=1)

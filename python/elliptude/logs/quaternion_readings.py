@@ -5,16 +5,21 @@ inverse that is C₁C₂ᵀ, a turn about the axis in the reference frame, again
 it is something else again.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from elliptude.configuration.sensors import Truth
 from elliptude.io.tables import QUATERNION
 from elliptude.typing import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 Order: TypeAlias = Literal["wxyz", "xyzw"]
 Turns: TypeAlias = Literal["body_to_reference", "reference_to_body"]
@@ -48,7 +53,9 @@ class Reading:
         """Read rotations anew that were first read as declared."""
         of_file = rotations if self.declared_turns == "body_to_reference" else rotations.inv()
         columns = of_file.as_quat(scalar_first=self.declared_order == "wxyz")
-        read = Rotation.from_quat(columns[:, [self.order.index(part) for part in "wxyz"]], scalar_first=True)
+        read = scipy.spatial.transform.Rotation.from_quat(
+            columns[:, [self.order.index(part) for part in "wxyz"]], scalar_first=True
+        )
         return read if self.turns == "body_to_reference" else read.inv()
 
     def __str__(self) -> str:

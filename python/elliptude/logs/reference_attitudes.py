@@ -1,11 +1,14 @@
 """Reference attitudes to compare results with, from a table or a log, at the times of the compared rows."""
 
+from __future__ import annotations
+
 import os
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
 
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.column_files import counts_from, read_columns, stacked, time_origin
@@ -13,6 +16,9 @@ from elliptude.io.files import FileError
 from elliptude.io.tables import QUATERNION
 from elliptude.logs import log
 from elliptude.typing import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 # s; stamps this near are the same, as files with microseconds have them.
 _SAME_TIME = 1e-6
@@ -77,7 +83,7 @@ def read_reference(
     times = times[known] + float(since - origin)
     # So far from the origin two stamps may be one number.
     apart = np.diff(times, prepend=-np.inf) > 0.0
-    rotations = Rotation.from_quat(quaternions[known][apart], scalar_first=order == "wxyz")
+    rotations = scipy.spatial.transform.Rotation.from_quat(quaternions[known][apart], scalar_first=order == "wxyz")
     return Reference(times[apart], rotations if turns == "body_to_reference" else rotations.inv())
 
 
@@ -133,4 +139,6 @@ def attitudes_at(
     is_between &= known[after] - known[before] <= largest_gap
     at = np.where(is_same, known[nearest], times[rows])[is_same | is_between]
     rows = rows[is_same | is_between]
-    return rows, Slerp(known, reference.attitudes)(at) if len(rows) else Rotation.identity(0)
+    return rows, scipy.spatial.transform.Slerp(known, reference.attitudes)(at) if len(
+        rows
+    ) else scipy.spatial.transform.Rotation.identity(0)

@@ -1,16 +1,21 @@
 """What a recording shows about its gyro's errors, at rest and against a reference attitude."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from elliptude.bounds.gyro import longest_interval_of
 from elliptude.bounds.turns import attitudes_from_rates
 from elliptude.proposal.statistics import PIECE_S, Quantiles, finite_rows, means_of_pieces, quantiles, rotations_of
 from elliptude.typing import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 WINDOWS_S = (1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 1024.0)
 """Windows over which the gyro's turn is compared with the reference's, s; up to a quarter of the recording."""
@@ -218,7 +223,7 @@ def _sums_at_rest(times: FloatArray, rates: FloatArray, still: NDArray[np.bool_]
 
 def _integrated(times: FloatArray, rates: FloatArray) -> Rotation:
     """Attitudes from the first row's body axes; the rate in a step is the mean of its ends."""
-    return Rotation.from_matrix(attitudes_from_rates(np.diff(times), rates))
+    return scipy.spatial.transform.Rotation.from_matrix(attitudes_from_rates(np.diff(times), rates))
 
 
 def _increments(

@@ -1,12 +1,18 @@
 """Quantiles, and means over pieces of a recording, from which proposals are made."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from elliptude.typing import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 PIECE_S = 0.5
 """Length of the pieces that a rest is cut into, s; averages are over one piece."""
@@ -54,4 +60,6 @@ def rotations_of(quaternions: ArrayLike) -> tuple[Rotation, NDArray[np.bool_]]:
     """Quaternions (qw, qx, qy, qz) as rotations, and which of them are known; the others are the identity."""
     array = np.asarray(quaternions, dtype=np.float64)
     known = finite_rows(array) & (np.linalg.norm(array, axis=1) > 0.0)
-    return Rotation.from_quat(np.where(known[:, None], array, [1.0, 0.0, 0.0, 0.0]), scalar_first=True), known
+    return scipy.spatial.transform.Rotation.from_quat(
+        np.where(known[:, None], array, [1.0, 0.0, 0.0, 0.0]), scalar_first=True
+    ), known

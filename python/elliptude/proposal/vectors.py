@@ -1,13 +1,19 @@
 """What a recording shows about the errors of an accelerometer or a magnetometer."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from elliptude.proposal.statistics import Quantiles, finite_rows, means_of_pieces, quantiles, rotations_of
 from elliptude.typing import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +138,7 @@ def with_averages(
 
 def _best_turn(expected: FloatArray, measured: FloatArray) -> Rotation:
     """The small turn after which the mean cross product vanishes, by least squares of least length; iterated."""
-    turn = Rotation.identity()
+    turn = scipy.spatial.transform.Rotation.identity()
     goal = expected / np.linalg.norm(expected, axis=1, keepdims=True)
     start = measured / np.linalg.norm(measured, axis=1, keepdims=True)
     for _ in range(10):
@@ -140,7 +146,7 @@ def _best_turn(expected: FloatArray, measured: FloatArray) -> Rotation:
         # (φ × b) = e - b: least squares in φ.
         normal = len(here) * np.eye(3) - here.T @ here
         step = np.linalg.lstsq(normal, np.cross(here, goal).sum(axis=0), rcond=1e-3)[0]
-        turn = Rotation.from_rotvec(step) * turn
+        turn = scipy.spatial.transform.Rotation.from_rotvec(step) * turn
     return turn
 
 

@@ -14,10 +14,17 @@ x = L u, P = L Lᵀ and u on the unit sphere, to first order the rim is the grea
 one is found on each meridian about that pole by bisection.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from elliptude.typing import Chart, FloatArray
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 _BISECTIONS = 40
 # Relative to the longest semi-axis: shorter ones are drawn as if they were this long.
@@ -27,9 +34,11 @@ _FLATTEST = 1e-6
 def turns(errors: FloatArray, chart: Chart) -> Rotation:
     """The turns R(x) of errors (M, 3) in a chart."""
     if chart == "exponential":
-        return Rotation.from_rotvec(errors)
+        return scipy.spatial.transform.Rotation.from_rotvec(errors)
     # tan(θ/2) n, with 1 the unnormalised quaternion of the turn.
-    return Rotation.from_quat(np.column_stack([np.ones(len(errors)), 0.5 * errors]), scalar_first=True)
+    return scipy.spatial.transform.Rotation.from_quat(
+        np.column_stack([np.ones(len(errors)), 0.5 * errors]), scalar_first=True
+    )
 
 
 def axis_patches(

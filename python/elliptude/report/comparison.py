@@ -3,15 +3,17 @@
 What evo calls absolute and relative pose errors of rotations are computed as evo does (github.com/MichaelGrupp/evo).
 """
 
+from __future__ import annotations
+
 import math
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from elliptude.bounds.angles.about_axes import half_widths_along
 from elliptude.configuration.configuration import Configuration
@@ -21,6 +23,9 @@ from elliptude.logs.reference_attitudes import Reference, attitudes_at, in_words
 from elliptude.report.run import Run
 from elliptude.results import CLAIMS
 from elliptude.typing import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 Alignment: TypeAlias = Literal["none", "origin", "all"]
 """Which rows a reference is turned onto: none of them, the first one, or all, as well as that can be."""
@@ -220,8 +225,8 @@ def _turn_onto(run: Run, reference: Reference, largest_gap: float, alignment: Al
     """
     rows, read = attitudes_at(reference, run.times, np.flatnonzero(run.known), largest_gap)
     if not len(rows):
-        return Rotation.identity()
-    turns = Rotation.from_quat(run.quaternions[rows], scalar_first=True) * read.inv()
+        return scipy.spatial.transform.Rotation.identity()
+    turns = scipy.spatial.transform.Rotation.from_quat(run.quaternions[rows], scalar_first=True) * read.inv()
     return turns[0] if alignment == "origin" else turns.mean()
 
 
@@ -269,8 +274,8 @@ def compare(
         raise ValueError(f"no row with a set has a reference of its time{in_words_of_origin(run.origin)}")
     assert compared.errors is not None
     assert compared.forms is not None
-    estimated = Rotation.from_quat(run.quaternions[rows], scalar_first=True)
-    errors = Rotation.from_rotvec(compared.errors[rows])
+    estimated = scipy.spatial.transform.Rotation.from_quat(run.quaternions[rows], scalar_first=True)
+    errors = scipy.spatial.transform.Rotation.from_rotvec(compared.errors[rows])
     return Comparison(
         rows=len(run.times),
         times=run.times[rows],
@@ -371,7 +376,10 @@ def misread_reference(
     rows, read = attitudes_at(reference, run.times, np.flatnonzero(run.known), largest_gap)
     if len(rows) < 2:
         return None
-    estimated, times = Rotation.from_quat(run.quaternions[rows], scalar_first=True), run.times[rows]
+    estimated, times = (
+        scipy.spatial.transform.Rotation.from_quat(run.quaternions[rows], scalar_first=True),
+        run.times[rows],
+    )
     span = _SHORTEST_SPAN
     while span < times[-1] - times[0]:
         later = np.searchsorted(times, times + span)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from elliptude.io.column_files import Column
 from elliptude.io.tables import Result
@@ -143,7 +143,9 @@ def _verticals(run: Run) -> FloatArray:
     known = np.isfinite(run.quaternions[:, 0])
     directions = np.full((len(known), 3), np.nan)
     if known.any():
-        directions[known] = Rotation.from_quat(run.quaternions[known], scalar_first=True).inv().apply(_VERTICAL)
+        directions[known] = (
+            scipy.spatial.transform.Rotation.from_quat(run.quaternions[known], scalar_first=True).inv().apply(_VERTICAL)
+        )
     return directions
 
 
@@ -196,7 +198,7 @@ def in_frame(estimate: Reference, turn: FloatArray) -> Reference:
     -------
     Reference
     """
-    return Reference(estimate.times, Rotation.from_matrix(turn) * estimate.attitudes)
+    return Reference(estimate.times, scipy.spatial.transform.Rotation.from_matrix(turn) * estimate.attitudes)
 
 
 def hint(monitored: Monitored) -> str | None:

@@ -16,17 +16,19 @@ A table of results (docs/tables.md) may have empty cells where nothing is known,
 In the guaranteed mode ``dropped.csv`` beside it lists each measurement that was left out, and by how much.
 """
 
+from __future__ import annotations
+
 import json
 import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Self, get_args
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from elliptude.bounds.angles.about_axes import AboutAxes, ErrorAxes, about_axes
 from elliptude.estimation.containment import attitude_forms, reach_of_turns
@@ -50,6 +52,9 @@ from elliptude.logs.reference_attitudes import Reference, attitudes_at
 from elliptude.report.body_axes import turns
 from elliptude.results import CLAIMS, Claim
 from elliptude.typing import Chart, FloatArray
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 SPELL_GAP = 1.0
 """Measurements left out within this time of one another are listed together, s."""
@@ -318,7 +323,9 @@ class Run:
         if len(rows):
             if self.heading_from_start:
                 true = self._counted_from_start(rows, true)
-            relative = Rotation.from_quat(self.quaternions[rows], scalar_first=True).inv() * true
+            relative = (
+                scipy.spatial.transform.Rotation.from_quat(self.quaternions[rows], scalar_first=True).inv() * true
+            )
             errors[rows] = relative.as_rotvec()
             offsets = errors[rows] if self.chart == "exponential" else _gibbs(relative)
             distance: float | FloatArray = reference_error
@@ -333,13 +340,13 @@ class Run:
             raise ValueError(
                 f"the heading counts from the first row, at {self.times[0]:.6f} s, and the reference has nothing there"
             )
-        estimated = Rotation.from_quat(self.quaternions[rows[0]], scalar_first=True)
+        estimated = scipy.spatial.transform.Rotation.from_quat(self.quaternions[rows[0]], scalar_first=True)
         up, true_up = (one.inv().apply([0.0, 0.0, 1.0]) for one in (estimated, true[0]))
         axis = np.cross(true_up, up)
         sine = float(np.linalg.norm(axis))
-        tilt = Rotation.identity()
+        tilt = scipy.spatial.transform.Rotation.identity()
         if sine > 0.0:
-            tilt = Rotation.from_rotvec(np.arctan2(sine, true_up @ up) / sine * axis)
+            tilt = scipy.spatial.transform.Rotation.from_rotvec(np.arctan2(sine, true_up @ up) / sine * axis)
         return estimated * tilt * true[0].inv() * true
 
     def magnification(self, rows: NDArray[np.intp]) -> int:

@@ -11,7 +11,7 @@ from importlib import resources
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from elliptude.bounds.angles.about_axes import half_widths_along
 from elliptude.configuration import sun
@@ -100,8 +100,10 @@ def measurements(recorded: Telemetry, *, star_until: int | None = None, seed: in
     star = np.array(
         [np.cos(declination) * np.cos(ascension), np.cos(declination) * np.sin(ascension), np.sin(declination)]
     )
-    attitudes = Rotation.from_quat(recorded.quaternions, scalar_first=True)
-    errors = Rotation.from_rotvec(np.deg2rad(STAR_BOUND_DEG) * _in_unit_ball(np.random.default_rng(seed), count))
+    attitudes = scipy.spatial.transform.Rotation.from_quat(recorded.quaternions, scalar_first=True)
+    errors = scipy.spatial.transform.Rotation.from_rotvec(
+        np.deg2rad(STAR_BOUND_DEG) * _in_unit_ball(np.random.default_rng(seed), count)
+    )
     star_in_body = errors.inv().apply(attitudes.inv().apply(star))
     if star_until is not None:
         star_in_body[star_until:] = np.nan

@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import Literal, TypeAlias, assert_never, get_args
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from elliptude.io.tables import Measurements, quaternions_from_attitudes
 from elliptude.simulation.potentials import cross
@@ -87,8 +87,6 @@ def truth(scenario: Scenario) -> Truth:
         momentum_rate = torque(time, attitude) - cross(omega, inertia @ omega)
         return np.concatenate([_turning(attitude, omega).ravel(), inverse @ momentum_rate])
 
-    from scipy.integrate import solve_ivp  # here, because every command would start more slowly
-
     times = scenario.interval * np.arange(scenario.measurements + 1, dtype=np.float64)
     states = np.empty((len(times), 12))
     states[0] = *scenario.attitude0.matrix().ravel(), *scenario.rate0
@@ -97,7 +95,9 @@ def truth(scenario: Scenario) -> Truth:
         try:
             # SciPy would go on with NaN for ever.
             with np.errstate(over="raise", invalid="raise", divide="raise"):
-                solution = solve_ivp(motion, interval, states[i], method="DOP853", rtol=_TOLERANCE, atol=_TOLERANCE)
+                solution = scipy.integrate.solve_ivp(
+                    motion, interval, states[i], method="DOP853", rtol=_TOLERANCE, atol=_TOLERANCE
+                )
         except (ArithmeticError, ValueError) as error:
             raise ArithmeticError(f"{_not_integrated(scenario, interval)}: {error}") from error
         if not solution.success:
@@ -166,7 +166,7 @@ def measure(
     true_directions = np.einsum("nji,mj->nmi", attitudes[1 - first :], reference)
     streams = np.random.SeedSequence(seed, spawn_key=tuple(scenario.name.encode())).spawn(2)
     direction_errors, rate_errors = _unit_errors(noise, true_directions, *map(np.random.default_rng, streams))
-    turned_back = Rotation.from_rotvec(-bound * direction_errors.reshape(-1, 3))
+    turned_back = scipy.spatial.transform.Rotation.from_rotvec(-bound * direction_errors.reshape(-1, 3))
     measured_directions = np.full((len(times), *reference.shape), np.nan)
     measured_directions[1 - first :] = turned_back.apply(true_directions.reshape(-1, 3)).reshape(true_directions.shape)
     measured_rates = np.full_like(rates, np.nan)

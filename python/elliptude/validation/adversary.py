@@ -4,8 +4,8 @@ from dataclasses import dataclass, fields
 from typing import Any, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from elliptude import _core
 from elliptude.simulation import simulated
@@ -206,7 +206,7 @@ def _true_directions(of: Plant, motion: Motion) -> FloatArray:
 
 def _rotations(vectors: FloatArray) -> FloatArray:
     """exp(S(x)) of vectors (..., 3), by SciPy."""
-    matrices: FloatArray = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()
+    matrices: FloatArray = scipy.spatial.transform.Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix()
     return matrices.reshape(*vectors.shape, 3)
 
 
@@ -218,7 +218,7 @@ def draw_starts(of: Plant, count: int, draws: np.random.Generator) -> Starts:
 
     A gyro's bias has no bound without a first set, so it is always told.
     """
-    attitudes = Rotation.from_quat(_normalized(draws.standard_normal((count, 4)))).as_matrix()
+    attitudes = scipy.spatial.transform.Rotation.from_quat(_normalized(draws.standard_normal((count, 4)))).as_matrix()
     rates = of.largest_rate * simulated.in_ball(draws, (count,))
     axes, _ = np.linalg.qr(draws.standard_normal((count, 6, 6)))
     lengths = of.bound * 2.0 ** draws.uniform(-1.0, 1.0, (count, 6))

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from elliptude import _core
 from elliptude.simulation import simulated
@@ -150,7 +150,9 @@ def _lie(trial: Trial, told: Told, row: int, sensor: int, draws: np.random.Gener
     if size < math.pi:
         across = np.cross(towards, told.directions[row, sensor])
         across *= size / np.linalg.norm(across)
-        told.directions[row, sensor] = Rotation.from_rotvec(across).apply(told.directions[row, sensor])
+        told.directions[row, sensor] = scipy.spatial.transform.Rotation.from_rotvec(across).apply(
+            told.directions[row, sensor]
+        )
     else:
         told.directions[row, sensor] = towards
     wrong = told.directions[row, sensor]
@@ -162,7 +164,9 @@ def _wrong_start(told: Told, draws: np.random.Generator) -> Told:
     """With a first set that is wrong in the attitude or in the vector."""
     size, towards = math.exp(draws.uniform(*np.log(LIE_SIZES))), simulated.on_sphere(draws, ())
     if draws.random() < 0.5:
-        turn = Rotation.from_rotvec((size if size < math.pi else math.pi * draws.random()) * towards).as_matrix()
+        turn = scipy.spatial.transform.Rotation.from_rotvec(
+            (size if size < math.pi else math.pi * draws.random()) * towards
+        ).as_matrix()
         return replace(told, attitude=told.attitude @ turn, start_lies=True)
     return replace(told, vector=told.vector + size * towards, start_lies=True)
 
@@ -372,7 +376,9 @@ class ThinStarts(Starts):
         gibbs = offsets[:, :3]
         length = np.linalg.norm(gibbs, axis=1, keepdims=True)
         vectors = gibbs * np.divide(2.0 * np.arctan(0.5 * length), length, out=np.ones_like(length), where=length > 0.0)
-        return self.attitudes @ Rotation.from_rotvec(vectors).as_matrix(), self.vectors + offsets[:, 3:]
+        return self.attitudes @ scipy.spatial.transform.Rotation.from_rotvec(
+            vectors
+        ).as_matrix(), self.vectors + offsets[:, 3:]
 
 
 def _thin_starts(

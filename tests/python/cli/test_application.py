@@ -17,13 +17,15 @@ from typer.testing import CliRunner
 SLOW = ("matplotlib", "plotly", "pyarrow", "pydantic", "scipy", "tomlkit")
 
 
-def loaded(program):
-    """Which slow modules a program has loaded when it ends."""
-    at_the_end = f"import atexit, json, sys; SLOW = {SLOW}; atexit.register(lambda: print(json.dumps(" + (
-        "[name for name in SLOW if name in sys.modules]), file=sys.stderr))\n"
+def loaded(program, modules=SLOW, folder=None):
+    """Which of some modules a program has loaded when it ends."""
+    at_the_end = f"import atexit, json, sys; atexit.register(lambda: print(json.dumps([name for name in {modules} " + (
+        "if name in sys.modules]), file=sys.stderr))\n"
     )
-    done = subprocess.run([sys.executable, "-c", at_the_end + program], capture_output=True, text=True, check=True)
-    return json.loads(done.stderr)
+    done = subprocess.run(
+        [sys.executable, "-c", at_the_end + program], capture_output=True, text=True, check=True, cwd=folder
+    )
+    return json.loads(done.stderr.splitlines()[-1])
 
 
 @pytest.mark.parametrize("option", ["--help", "--version"])
@@ -31,11 +33,22 @@ def test_help_and_version_load_nothing_slow(option):
     assert loaded(f"sys.argv[1:] = ['{option}']; from elliptude.cli import main; main()") == []
 
 
-def test_commands_start_without_what_only_pictures_need():
-    modules = ", ".join(sorted({f"elliptude.cli.{command.module}" for command in COMMANDS.values()}))
-    program = f"import {modules}; print([m for m in sys.modules if m in ('matplotlib', 'plotly', 'scipy.integrate')])"
-    done = subprocess.run([sys.executable, "-c", f"import sys; {program}"], capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"
+# Each takes longer to load than a command takes to say what its options are.
+OF_SOME_WORK = ("matplotlib", "pandas", "plotly", "scipy.integrate", "scipy.linalg", "scipy.optimize", "scipy.spatial")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_starts_without_what_only_some_of_its_work_needs(name):
+    assert (
+        loaded(f"from elliptude.cli.application import COMMANDS; COMMANDS['{name}'].load('{name}')", OF_SOME_WORK) == []
+    )
+
+
+def test_bounds_and_check_load_neither_scipy_nor_pandas_for_a_plain_recording(tmp_path):
+    recording_at_rest(tmp_path / "log.csv")
+    for arguments in (["bounds", "log.csv", "--out", "config.toml"], ["check", "log.csv", "config.toml"]):
+        program = f"sys.argv[1:] = {arguments}; from elliptude.cli import main; main()"
+        assert loaded(program, OF_SOME_WORK, tmp_path) == [], arguments
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -70,6 +83,12 @@ def test_the_lines_of_help_end_where_the_terminal_does():
     assert all(len(line) > 80 for line in lines[:3]), lines[:4]
 
 
+def recording_at_rest(path):
+    header = [f"{kind} {axis} ({unit})" for kind, unit in (("Gyr", "deg/s"), ("Acc", "m/s^2")) for axis in "XYZ"]
+    rows = [f"{0.01 * i:.2f},0,0,{0.01 * (i % 2)},0,0,9.8" for i in range(100)]
+    path.write_text("\n".join(["Time (s)," + ",".join(header), *rows]) + "\n")
+
+
 def command(*arguments, **environment):
     """The command line as a process of its own."""
     program = "import sys; sys.argv[0] = 'elliptude'; from elliptude.cli import main; main()"
@@ -79,10 +98,7 @@ def command(*arguments, **environment):
 
 
 def test_a_terminal_without_the_sign_of_a_degree_shows_another(tmp_path):
-    log = tmp_path / "log.csv"
-    header = [f"{kind} {axis} ({unit})" for kind, unit in (("Gyr", "deg/s"), ("Acc", "m/s^2")) for axis in "XYZ"]
-    rows = [f"{0.01 * i:.2f},0,0,{0.01 * (i % 2)},0,0,9.8" for i in range(100)]
-    log.write_text("\n".join(["Time (s)," + ",".join(header), *rows]) + "\n")
+    recording_at_rest(log := tmp_path / "log.csv")
     done = command("bounds", str(log), PYTHONIOENCODING="ascii")
     assert done.returncode == 0, done.stderr
     assert b"gyro: rate, ?/s" in done.stdout

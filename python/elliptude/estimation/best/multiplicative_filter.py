@@ -8,7 +8,7 @@ into the attitude. See Markley and Crassidis, Fundamentals of Spacecraft Attitud
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lapack
+import scipy
 
 import elliptude
 from elliptude.typing import FloatArray
@@ -209,5 +209,5 @@ def _congruence(matrix: FloatArray, symmetric: FloatArray) -> FloatArray:
 def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
     """Solutions of systems that are never singular."""
     if matrix.ndim == 2:
-        return np.asarray(lapack.dgesv(matrix, right)[2], dtype=np.float64)
+        return np.asarray(scipy.linalg.lapack.dgesv(matrix, right)[2], dtype=np.float64)
     return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)

@@ -3,18 +3,23 @@
 D. Laidig, T. Seel: VQF, Information Fusion 91, 2023; the extra ``best``.
 """
 
+from __future__ import annotations
+
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer, Magnetometer
 from elliptude.estimation.guaranteed_run import GuaranteedRun
 from elliptude.typing import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 # VQF begins anew after a gap of the gyro of more than this many of its median steps; within one, rates are
 # interpolated.
@@ -89,11 +94,11 @@ def vqf_attitudes(run: GuaranteedRun, configuration: Configuration) -> FloatArra
             log.times[piece], step, rates[piece], forces[piece], None if fields is None else fields[piece]
         )
         usable = np.isfinite(in_earth).all(axis=1) & (np.linalg.norm(in_earth, axis=1) > 0.5)
-        piece, earth = piece[usable], Rotation.from_quat(in_earth[usable], scalar_first=True)
+        piece, earth = piece[usable], scipy.spatial.transform.Rotation.from_quat(in_earth[usable], scalar_first=True)
         if not len(piece):
             continue
         if frames is not None:
-            attitudes = Rotation.from_matrix(frames[piece]) * earth
+            attitudes = scipy.spatial.transform.Rotation.from_matrix(frames[piece]) * earth
         else:
             found = _with_heading_of_center(earth, piece, run)
             if found is None:
@@ -190,7 +195,7 @@ def _with_heading_of_center(earth: Rotation, piece: NDArray[np.intp], run: Guara
     if not len(there):
         return None
     # Any frame whose third axis is up, then the turn about up that is missing.
-    level = Rotation.align_vectors(up[None], [[0.0, 0.0, 1.0]])[0] * earth
-    center = Rotation.from_matrix(run.sets.attitudes[piece[there[0]]])
+    level = scipy.spatial.transform.Rotation.align_vectors(up[None], [[0.0, 0.0, 1.0]])[0] * earth
+    center = scipy.spatial.transform.Rotation.from_matrix(run.sets.attitudes[piece[there[0]]])
     x, y, z, w = (center * level[int(there[0])].inv()).as_quat()
-    return Rotation.from_rotvec(2.0 * np.arctan2(np.array([x, y, z]) @ up, w) * up) * level
+    return scipy.spatial.transform.Rotation.from_rotvec(2.0 * np.arctan2(np.array([x, y, z]) @ up, w) * up) * level

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from elliptude.estimation.containment import attitude_forms, reach_of_turns
 from elliptude.estimation.questions.answers import Answers
@@ -78,7 +78,7 @@ def _gibbs_between(centers: FloatArray, true: FloatArray) -> FloatArray:
     known = np.isfinite(centers[:, 0, 0]) & np.isfinite(true[:, 0, 0])
     halves = np.full((len(centers), 3), np.nan)
     if known.any():
-        turns = Rotation.from_matrix(centers[known].swapaxes(1, 2) @ true[known])
+        turns = scipy.spatial.transform.Rotation.from_matrix(centers[known].swapaxes(1, 2) @ true[known])
         quaternions = turns.as_quat(canonical=True, scalar_first=True)
         # A half turn has none, and is far outside of any set.
         halves[known] = quaternions[:, 1:] / np.maximum(quaternions[:, :1], _NEXT_TO_A_HALF_TURN)
