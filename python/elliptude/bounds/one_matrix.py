@@ -269,9 +269,9 @@ def _largest_push(effects: FloatArray, means: FloatArray) -> FloatArray:
     axes = np.stack([first, _cross(along, first), along], axis=1)
     # One axis after another, and the windows last: what follows goes through whole arrays.
     x, y, z = np.ascontiguousarray((axes @ effects).transpose(1, 2, 0)).reshape(3, 3, 3, -1)
-    across = np.zeros(len(effects))
-    for angle in math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS:
-        np.maximum(across, nuclear_norms(math.cos(angle) * x + math.sin(angle) * y), out=across)
+    turned = math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    cosines, sines = np.cos(turned)[:, None], np.sin(turned)[:, None]
+    across = nuclear_norms(cosines * x[:, :, None] + sines * y[:, :, None]).max(axis=0)
     pushes: FloatArray = np.hypot(across / _POLYGON, nuclear_norms(z))
     return pushes
 

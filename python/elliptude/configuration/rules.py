@@ -6,6 +6,7 @@ into a bound of each direction per row. These bounds hold if the rule's statemen
 """
 
 import dataclasses
+import functools
 import os
 from dataclasses import dataclass
 from importlib import resources
@@ -216,6 +217,7 @@ def read_rule(path: str | os.PathLike[str]) -> Rule:
     return read_toml(path, Rule)
 
 
+@functools.cache
 def hand_held() -> Rule:
     """The rule for a small sensor or phone in the hand, indoors, that starts at rest."""
     with resources.as_file(_preset("hand")) as file:

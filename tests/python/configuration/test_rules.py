@@ -258,3 +258,7 @@ def test_no_bound_of_a_sensor_is_without_a_limit(kind):
         one = next((part for part in said.get("anyOf", [said]) if part.get("type") == "number"), None)
         if one is not None and key not in checked_by_its_square:
             assert one.keys() & {"maximum", "exclusiveMaximum"}, key
+
+
+def test_the_rule_of_the_package_is_read_once():
+    assert rules.hand_held() is rules.hand_held()
