@@ -130,7 +130,7 @@ class SensorCalibration(Model):
 class VectorCalibration(SensorCalibration):
     """An accelerometer or a magnetometer: matrix (sample - offset), body axes."""
 
-    poses: Annotated[int, Field(ge=0)] = 0
+    poses: Annotated[int, Field(ge=0, le=1_000_000_000)] = 0
 
     def corrects(self) -> bool:
         """Whether samples change by it."""
@@ -206,7 +206,7 @@ class GyroCalibration(SensorCalibration):
 
     kind: Literal["gyro"]
     unit: units.AngularVelocityUnit
-    turns: Annotated[int, Field(ge=0)] = 0
+    turns: Annotated[int, Field(ge=0, le=1_000_000_000)] = 0
     # What was stated beside the scale error while it was calibrated; as in the rule if it is left out.
     noise_deg_per_s: NotNegative | None = None
     bias_deg_per_s: NotNegative | None = None

@@ -9,12 +9,13 @@ import elliptude
 from elliptude.configuration import rules
 from elliptude.configuration.rules import Rule
 from elliptude.io.toml import (
-    Bound,
     Column,
+    Count,
     Diagonal6,
     Model,
     PositiveSize,
     Quaternion,
+    SizedBound,
     Vector,
     Vector6,
     exactly_one,
@@ -39,7 +40,7 @@ class Estimator(Model):
     # For the guaranteed mode.
     policy: Literal["raise", "drop_measurement", "restart", "relaxed"] = "raise"
     most_wrong: Annotated[int, Field(ge=0, le=2)] = 0
-    regain_after: Annotated[int, Field(ge=1)] = 10
+    regain_after: Count = 10
     # The estimate beside the set. If left out: VQF's, or the center without it, where gyro, accelerometer and
     # magnetometer are all that is measured; a Kalman filter's for a rigid body; else the center.
     best: BestEstimate | None = None
@@ -116,7 +117,7 @@ class FirstMeasurementStart(Model):
     """
 
     kind: Literal["first_measurement"]
-    bias_bound_deg_per_s: Bound | None = None
+    bias_bound_deg_per_s: SizedBound | None = None
 
 
 class HandHeldRule(Model):

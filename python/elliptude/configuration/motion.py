@@ -15,15 +15,18 @@ from elliptude.configuration.sensors import (
     Timed,
 )
 from elliptude.io.toml import (
-    Bound,
     Columns,
+    Count,
     Matrix,
     Model,
     NotNegative,
     NotNegativeBound,
+    NotNegativeSizedBound,
     Positive,
     PositiveSize,
+    SignedSize,
     Size,
+    SizedBound,
     Vector,
 )
 
@@ -45,7 +48,7 @@ class RigidBodyFlow(Model):
     # directions alone starts no set.
     largest_rate_deg_per_s: PositiveSize | None = None
     # A prediction over more steps is refused: such a time is more likely an error than intended.
-    most_steps: Annotated[int, Field(ge=1)] = 1_000_000
+    most_steps: Count = 1_000_000
     wheel_momentum_columns: Columns | None = None
 
     @model_validator(mode="after")
@@ -92,12 +95,12 @@ class GyroFlow(Timed):
     # The rate over an interval is the mean of the samples at its ends, or (for a gyro that integrates) the first one.
     # Between its samples, at another sensor's stamp, it is on the straight line, or still the one before.
     interval_rate: Literal["mean_of_ends", "first_sample"] = "mean_of_ends"
-    noise_deg_per_s: Bound | None = None
-    drift_deg_per_s2: NotNegativeBound = 0.0
+    noise_deg_per_s: SizedBound | None = None
+    drift_deg_per_s2: NotNegativeSizedBound = 0.0
     # For the guaranteed mode.
     # A known bias is subtracted; what is left of it is at most the bias bound. It is an error like noise, or it
     # may be estimated if it moves no faster than the drift says (a bias that depends on the pose moves faster).
-    known_bias_deg_per_s: Vector = (0.0, 0.0, 0.0)
+    known_bias_deg_per_s: tuple[SignedSize, SignedSize, SignedSize] = (0.0, 0.0, 0.0)
     bias_deg_per_s: Size = 0.0
     estimate_bias: bool = False
     scale_error: Annotated[Size, Field(lt=1)] = 0.0

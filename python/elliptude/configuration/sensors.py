@@ -14,7 +14,6 @@ from elliptude.bounds.samples import AVERAGED_OVER_S, VectorSensorBounds
 from elliptude.io.readers.text.dialect import Decimal, Delimiter, Stated
 from elliptude.io.toml import (
     Angle,
-    Bound,
     Column,
     Columns,
     Matrix,
@@ -26,6 +25,7 @@ from elliptude.io.toml import (
     Quaternion,
     QuaternionColumns,
     Size,
+    SizedBound,
     exactly_one,
     one_word,
 )
@@ -464,7 +464,7 @@ class Rate(Timed):
     columns: Columns
     unit: units.AngularVelocityUnit = "rad/s"
     axes: Axes = ("x", "y", "z")
-    bound_deg_per_s: Bound | None = None
+    bound_deg_per_s: SizedBound | None = None
     bound_rad2_per_s2: Matrix | None = None
 
     @model_validator(mode="after")

@@ -14,8 +14,11 @@ from elliptude.io.files import FileError, system_fault
 from elliptude.io.toml_faults import faults_in_words, syntax_in_words
 from elliptude.typing import FloatArray
 
-Number = Annotated[float, Strict()]
-"""A finite number: no text, no true or false."""
+LARGEST = 1e40
+"""No number of a file is larger: a planet's inertia is not, and products of several such numbers are finite."""
+Number = Annotated[float, Strict(), Field(ge=-LARGEST, le=LARGEST)]
+"""A number: no text, no true or false."""
+Count = Annotated[int, Field(ge=1, le=1_000_000_000)]
 Vector = tuple[Number, Number, Number]
 Matrix = tuple[Vector, Vector, Vector]
 
@@ -60,21 +63,25 @@ def one_word(name: str) -> str:
 
 def _squarable(bound: float) -> float:
     """A bound becomes a shape matrix by its square."""
-    if bound != 0.0 and not 1e-130 <= bound <= 1e130:
-        raise ValueError("must be from 1e-130 to 1e130, where the core holds its square")
+    if bound != 0.0 and bound < 1e-130:
+        raise ValueError("must be 0 or at least 1e-130, where the core holds its square")
     return bound
 
 
 NonzeroVector = Annotated[Vector, AfterValidator(_has_direction)]
-Quaternion = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_is_rotation)]
+_OfAnyLength = Annotated[float, Strict(), Field(ge=-1e300, le=1e300)]
+Quaternion = Annotated[tuple[_OfAnyLength, _OfAnyLength, _OfAnyLength, _OfAnyLength], AfterValidator(_is_rotation)]
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Size = Annotated[Number, Field(ge=0, le=1e9)]
 """A length, a duration, a rate or the like, in units of which nobody has more."""
 PositiveSize = Annotated[Number, Field(gt=0, le=1e9)]
+SignedSize = Annotated[Number, Field(ge=-1e9, le=1e9)]
 Bound = Annotated[Positive, AfterValidator(_squarable)]
 Angle = Annotated[Bound, Field(lt=180)]
 NotNegativeBound = Annotated[NotNegative, AfterValidator(_squarable)]
+SizedBound = Annotated[Bound, Field(le=1e9)]
+NotNegativeSizedBound = Annotated[NotNegativeBound, Field(le=1e9)]
 Column = Annotated[str, Field(min_length=1)]
 Columns = Annotated[tuple[Column, Column, Column], AfterValidator(_different)]
 QuaternionColumns = Annotated[tuple[Column, Column, Column, Column], AfterValidator(_different)]

@@ -5,8 +5,10 @@ import pytest
 import tomlkit
 from elliptude import GravityGradient, UniformGravity
 from elliptude.configuration import Configuration, read_configuration
+from elliptude.configuration.rules import Rule
 from elliptude.io.files import FileError
 from elliptude.simulation import fermi
+from elliptude.simulation.scenarios import Scenario
 
 
 def pendulum():
@@ -187,9 +189,10 @@ def test_nothing_changes_after_reading():
     ("path", "value", "message"),
     [
         ("directions.0.bound_deg", -7.0, r"more than 0, not -7\.0"),
-        ("rate.bound_deg_per_s", 1e200, "from 1e-130 to 1e130"),
-        ("directions.0.bound_deg", 1e-300, "from 1e-130 to 1e130"),
-        ("flow.unknown_torque_n_m", 1e300, "from 1e-130 to 1e130"),
+        ("rate.bound_deg_per_s", 1e200, r"at most 1e\+40, not 1e\+200"),
+        ("rate.bound_deg_per_s", 1e10, "at most 1000000000, not 10000000000"),
+        ("directions.0.bound_deg", 1e-300, "0 or at least 1e-130"),
+        ("flow.unknown_torque_n_m", 1e300, r"at most 1e\+40, not 1e\+300"),
         ("directions.0.name", "the Sun", "one word"),
         ("directions.0.name", "a,b", "one word"),
         ("directions.0.name", "rate", "measured angular velocity"),
@@ -198,6 +201,35 @@ def test_nothing_changes_after_reading():
 def test_messages_name_value_and_limit(tmp_path, path, value, message):
     with pytest.raises(FileError, match=message):
         read(tmp_path, changed(pendulum(), path, value))
+
+
+def without_a_largest_value(schema, place=""):
+    """Where a number of a JSON schema has none."""
+    if isinstance(schema, dict):
+        limits = {"maximum", "exclusiveMaximum", "const", "enum"}
+        if schema.get("type") in {"number", "integer"} and not limits & schema.keys():
+            yield place
+        schema = schema.items()
+    elif isinstance(schema, list):
+        schema = enumerate(schema)
+    else:
+        return
+    for key, below in schema:
+        yield from without_a_largest_value(below, f"{place}/{key}")
+
+
+@pytest.mark.parametrize("model", [Configuration, Rule, Scenario])
+def test_every_number_has_a_largest_value(model):
+    assert list(without_a_largest_value(model.model_json_schema())) == []
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("known_bias_deg_per_s", [0.0, -1e10, 0.0]), ("noise_deg_per_s", 1e10), ("drift_deg_per_s2", 1e10)],
+)
+def test_no_gyro_turns_so_fast(tmp_path, key, value):
+    with pytest.raises(FileError, match=rf"flow\.{key}(\[1\])?: must be at (most|least) -?1000000000, not -?1"):
+        read(tmp_path, changed(gyro(), f"flow.{key}", value))
 
 
 @pytest.mark.filterwarnings("error")
