@@ -44,7 +44,7 @@ from elliptude.typing import FloatArray
 _UNDETERMINED = 0.9
 # So many windows of a long recording are used, evenly: leaving some out makes a set no smaller than it may be.
 _MOST_WINDOWS = 1000
-# Of a long rest, too: rounding of a mean is bounded for as many (docs/theory.md, 19.2).
+# A long rest has no more either: rounding of a mean is bounded for as many (docs/theory.md, 19.2).
 _MOST_SAMPLES = 100_000
 # Up at the end of a rest is that of its last seconds: the gyro's error grows with the time.
 _UP_S = 2.0

@@ -24,7 +24,7 @@ from elliptude.typing import FloatArray
 
 # In median steps: a longer step is a gap.
 _GAP = 1.5
-# Of a normalized magnetometer, where it is not normalized for the place: the Earth's field over that elsewhere.
+# A normalized magnetometer shows this where it is not normalized for the place: the Earth's field over that elsewhere.
 _LEAST_OF_UNIT, _MOST_OF_UNIT = 0.28, 3.5
 _GRAVITY_TOLERANCE = 0.1
 # rad/s; the full range of common gyros.

@@ -20,7 +20,7 @@ from elliptude.io.readers.text.folder import CsvFolder
 from elliptude.logs.alignment import LARGEST_VALUE, Channel, Clock
 from elliptude.typing import FloatArray
 
-# Of the usual step between stamps: two rows that are further apart may be neighbours, and have room for no other.
+# Two rows that are further apart than this share of the usual step may be neighbours, and have room for no other.
 _A_STEP = 0.9
 # The same where a stamp is far ahead, so that rows behind it that go on from the row before it are no chance.
 _A_SHORT_STEP = 0.75

@@ -22,13 +22,13 @@ WINDOWS_S = (1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 1024.0)
 _LONGEST_INCREMENT_S = 16.0
 # A scale error is proposed only if its standard error is at most this: a body must turn enough about all axes.
 _SCALE_WITHIN = 0.01
-# Of the fastest turns: what is slower is not taken into the fit.
+# Turns that are slower than this share of the fastest ones are not taken into the fit.
 _TURNING = 0.25
-# Of the most that a recording turns about an axis: it must turn as much about each.
+# A recording must turn about each axis by this share of what it turns about any.
 _LEAST_TURNED = 0.05
 # A scale error may be this many times as large as the largest share by which a turn is off: none may be about its axis.
 _TIMES_SHOWN = 2.0
-# Of a step: a rate may be that of the moment, or the mean of the step before or behind it.
+# In steps: a rate may be that of the moment, or the mean of the step before or behind it.
 _LATE = (0.0, -0.5, 0.5)
 
 

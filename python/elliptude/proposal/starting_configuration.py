@@ -42,7 +42,7 @@ _WIDEST_DEG = 90.0
 _SHORTEST_REST = 1.0
 # °/s; the bias of a small, uncalibrated gyro, from datasheets.
 _BIAS_BY_DATASHEET = 5.0
-# Of the gyro's step: stamps of different sensors that are this near may make one row.
+# Stamps of different sensors may make one row if they are within this share of the gyro's step.
 _NEAR = 0.45
 # s; time between anchors in the guaranteed mode. It changes how large sets are, not whether they hold.
 _ANCHOR_S = 4.0

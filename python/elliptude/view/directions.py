@@ -23,7 +23,7 @@ from elliptude.typing import FloatArray
 POINTS = 49
 """Points of a circle; the last one is the first."""
 
-# Of a sensor's usual interval: a direction is shown until the next one is overdue.
+# A direction is shown for so many of its sensor's usual intervals: then the next one is overdue.
 _OVERDUE = 1.5
 
 

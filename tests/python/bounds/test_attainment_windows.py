@@ -335,7 +335,7 @@ def test_east_by_an_up_that_is_tilted_and_a_field_that_is_off():
     """Both push it the same way in the plane across the measured up, where the horizontal field tells nothing."""
     radius, tilt = 2.0, 0.05
     up = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
-    # Of all fields within the radius the one whose product with that up is furthest from east.
+    # The search takes, of all fields within the radius, the one whose product with that up is furthest from east.
     draws = np.random.default_rng(0).standard_normal((20_000, 3))
     fields = SHOWN + radius * draws / np.linalg.norm(draws, axis=1)[:, None]
     products = np.cross(fields, up)

@@ -224,9 +224,9 @@ def test_every_number_of_a_rule_has_a_limit_and_the_message_says_it():
             with pytest.raises(ValidationError) as error:
                 rules.Rule.model_validate(changed)
             said = faults_in_words(error.value, changed, rules.Rule)
-            assert re.fullmatch(rf"{table}\.{key}(\[\d\])?: must be (at most|less than) [\de+]+, not .*1e\+300\]?", said), (
-                said
-            )
+            assert re.fullmatch(
+                rf"{table}\.{key}(\[\d\])?: must be (at most|less than) [\de+]+, not .*1e\+300\]?", said
+            ), said
             tried += 1
     assert tried >= 30
 

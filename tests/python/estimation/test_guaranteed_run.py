@@ -517,7 +517,7 @@ RELAXED = {"mode": "guaranteed", "policy": "relaxed", "most_wrong": 1}
         ({"estimator": {"mode": "guaranteed", "when_sets_do_not_meet": "skip"}}, "when_sets_do_not_meet is not of"),
         ({"rule": {"kind": "hand_held"}, "estimator": {"policy": "restart"}}, "policy needs mode = 'guaranteed'"),
         ({"estimator": {"mode": "guaranteed", "most_wrong": 1}}, "most_wrong"),
-        # Of two sensors one is left, from which no attitude begins; nor does a start from the other one hold.
+        # One of two sensors is left, from which no attitude begins; nor does a start from the other one hold.
         ({"estimator": RELAXED}, "estimator.policy: 'relaxed' is not for a rule"),
         ({"estimator": RELAXED, "directions": ruled()["directions"][:1]}, "'relaxed' is not for a rule"),
         ({"estimator": RELAXED | {"most_wrong": 2}, "rule": {"kind": "hand_held"}}, "'relaxed' is not for a rule"),

@@ -21,7 +21,8 @@ from elliptude.io.spool import NamedFile
 
 SUM = "Accelerometer+Gravity"
 """The stream of `SensorLogger` in which two files of an iPhone are what its accelerometer measured."""
-# Of the rows of Accelerometer.csv; the sensors of an iPhone are sampled together.
+# At least this share of the rows of Accelerometer.csv has a stamp of another file where sensors are sampled together,
+# as those of an iPhone are.
 _SHARED = 0.9
 
 
