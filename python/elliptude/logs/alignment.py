@@ -154,6 +154,8 @@ def pieces(file: LogFile, clocks: list[Clock], timing: Timing) -> Iterator[Piece
                 end = min(end, channel.times[-1][-1] if channel.times else -np.inf)
         if timing.repeated == "merge" and unfinished:
             end = float(np.nextafter(end, -np.inf))  # the next row may have the same time
+        if unfinished and len(clocks) > 1:
+            end = _end_of_whole_rows(clocks, end, timing.same_within_s)
         if end > begin:
             piece = _union(clocks, end, origin or 0, timing, rows_mean_something)
             begin = end
@@ -442,6 +444,13 @@ def _begin_rows(stamps: FloatArray, within: float) -> BoolArray:
             if stamps[k] - stamps[begin] > within:
                 begins[k], begin = True, k
     return begins
+
+
+def _end_of_whole_rows(clocks: list[Clock], end: float, within: float) -> float:
+    """A time up to which rows are whole: ``end``, or before a row to which a stamp after ``end`` might belong."""
+    stamps = np.unique(np.concatenate([stamps for clock in clocks for stamps in clock.stamps] or [np.empty(0)]))
+    begins = stamps[stamps <= end][_begin_rows(stamps[stamps <= end], within)]
+    return float(np.nextafter(begins[-1], -np.inf)) if len(begins) and end - begins[-1] <= within else end
 
 
 def _filled_in(times: FloatArray, sampled: FloatArray, samples: FloatArray, fill: Fill) -> tuple[FloatArray, BoolArray]:

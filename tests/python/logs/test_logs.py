@@ -3,6 +3,8 @@
 import itertools
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import recorders
 from elliptude.configuration import Configuration, references, sun
@@ -485,6 +487,25 @@ def test_what_was_measured_beside_its_row_is_known(tmp_path):
     together = configured(UP, timing={"same_within_s": 0.004})
     rows = [f"{0.01 * i:.3f},0,0,1,0,0,1,1,0,0" for i in range(60)]
     assert read(tmp_path, *rows, configuration=together).sampled(0) is None
+
+
+@pytest.mark.parametrize("within", [0.0, 0.002, 0.005])
+@pytest.mark.parametrize("batch", [1, 2, 3, 7, 64])
+def test_what_makes_a_row_does_not_depend_on_where_a_batch_ends(monkeypatch, tmp_path, batch, within):
+    """Stamps of two sensors each in its own column: a row's second stamp may be in the next batch."""
+    rng = np.random.default_rng(3)
+    gyro = 0.01 * np.arange(200.0) + rng.uniform(0.0, 0.003, 200)
+    up = 0.01 * np.arange(200.0) + rng.uniform(0.0, 0.004, 200)
+    columns = {f"g{axis}": rng.standard_normal(200) for axis in "xyz"} | {f"a{axis}": np.ones(200) for axis in "xyz"}
+    pq.write_table(pa.table(columns | {"t1": gyro, "t2": up}), tmp_path / "log.parquet")
+    own = [{"time_column": f"t{i}", "time_unit": "s"} for i in (1, 2)]
+    configuration = configured(UP | own[1], flow=GYRO | own[0], timing={"same_within_s": within})
+    whole = logs.read_log(tmp_path / "log.parquet", configuration)
+    monkeypatch.setattr("elliptude.io.readers.parquet.BATCH_ROWS", batch)
+    in_pieces = logs.read_log(tmp_path / "log.parquet", configuration)
+    np.testing.assert_array_equal(in_pieces.times, whole.times)
+    np.testing.assert_array_equal(in_pieces.directions, whole.directions)
+    np.testing.assert_array_equal(in_pieces.rates, whole.rates)
 
 
 # --- against a slow alignment, and piece by piece ---------------------------------------------------------------------
