@@ -188,9 +188,15 @@ def time_origin(path: str | os.PathLike[str]) -> int:
     return origin_of(_open(path))
 
 
+def label_in(file: object) -> str:
+    """`label_of` the table in a file that is open, in any format; empty if it is none of elliptude's."""
+    label: str = getattr(file, "label", "")
+    return label if label.startswith("elliptude ") else ""
+
+
 def origin_of(file: object) -> int:
     """`time_origin` of a file that is open, in any format."""
-    match = _ORIGIN.search(getattr(file, "label", ""))
+    match = _ORIGIN.search(label_in(file))
     return 0 if match is None else int(match[1])
 
 

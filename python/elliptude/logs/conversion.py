@@ -20,6 +20,7 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.rules import field_at_start
 from elliptude.io import column_files, tables
 from elliptude.io.files import FileError, replacing
+from elliptude.io.readers.arrays import LABEL
 from elliptude.io.readers.base import Cells, LogFile, require_columns
 from elliptude.io.readers.open import open_log
 from elliptude.logs import log as logs
@@ -68,7 +69,7 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], stre
     numbers = [name for name in named if file.holds_numbers(name)]
     require_columns(file, numbers)
     columns = [[name for name in numbers if file.stream(name) == one] for one in chosen]
-    with replacing(target) as temporary, _writer(target, temporary, "") as write:
+    with replacing(target) as temporary, _writer(target, temporary, column_files.label_in(file)) as write:
         count = sum(_copy(file, some, write) for some in columns if some)
         if count == 0:
             raise FileError(f"{source}: a header, but no rows below it")
@@ -175,7 +176,7 @@ def _writer(target: str | os.PathLike[str], temporary: Path, label: str) -> Abst
         case ".parquet":
             return _parquet_writer(temporary, label)
         case ".npz":
-            return _npz_writer(temporary)
+            return _npz_writer(temporary, label)
     raise FileError(f"{target}: what is written ends in {', '.join(SUFFIXES)}")
 
 
@@ -225,8 +226,8 @@ def _parquet_writer(path: Path, label: str) -> Iterator[_Write]:
 
 
 @contextmanager
-def _npz_writer(path: Path) -> Iterator[_Write]:
-    """Holds all columns until the end, because the arrays of an archive cannot grow."""
+def _npz_writer(path: Path, label: str) -> Iterator[_Write]:
+    """Holds all columns until the end, because the arrays of an archive cannot grow; the label is an array of text."""
     parts: dict[str, list[NDArray[np.generic]]] = {}
 
     def write(columns: Mapping[str, Cells]) -> None:
@@ -235,7 +236,7 @@ def _npz_writer(path: Path) -> Iterator[_Write]:
             parts.setdefault(name, []).append(values)
 
     yield write
-    arrays = {name: np.concatenate(some) for name, some in parts.items()}
+    arrays = ({LABEL: np.array(label)} if label else {}) | {name: np.concatenate(some) for name, some in parts.items()}
     with path.open("wb") as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, values in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:

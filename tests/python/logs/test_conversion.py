@@ -90,6 +90,18 @@ def test_nanoseconds_keep_their_digits(tmp_path):
     assert (tmp_path / "d.csv").read_text() == (tmp_path / "a.csv").read_text()
 
 
+def test_every_format_says_from_which_second_its_times_count(tmp_path):
+    label = "elliptude measurements 1; time_s counts from 1700000000 s"
+    (tmp_path / "a.csv").write_text(f"# {label}\ntime_s,x\n0.5,1\n0.75,2\n")
+    for before, after in (("a.csv", "b.parquet"), ("b.parquet", "c.npz"), ("c.npz", "d.npz"), ("d.npz", "e.csv")):
+        assert run("convert", tmp_path / before, tmp_path / after).exit_code == 0
+        assert column_files.origin_of(open_log(tmp_path / after)) == 1_700_000_000
+        assert_same(columns(tmp_path / "a.csv"), columns(tmp_path / after))
+    with np.load(tmp_path / "c.npz") as archive:
+        assert archive["elliptude"] == label
+    assert (tmp_path / "e.csv").read_text().startswith(f"# {label}\n")
+
+
 def test_streams_of_a_ulog(tmp_path):
     pytest.importorskip("pyulog")
     stamps = np.arange(1, 6) * 1000

@@ -4,6 +4,7 @@ import os
 import zipfile
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,8 @@ _OTHER_KINDS = {
     "m": "times",
     "V": "records",
 }
+LABEL = "elliptude"
+"""The array of text in which an NPZ file of elliptude says what it is, and from which second its times count."""
 # A matrix of so few rows, and more columns, has its samples side by side.
 _MOST_COMPONENTS = 9
 
@@ -119,6 +122,12 @@ class NpzFile(_NamedArrays):
     """A NumPy archive, ``.npz``."""
 
     KIND = "an NPZ file"
+
+    @cached_property
+    def label(self) -> str:
+        """What a file of elliptude says of itself, as a comment of a CSV file does; else empty."""
+        is_text = self._all.get(LABEL) is not None and self._all[LABEL][0] == () and self._all[LABEL][1] == "U"
+        return str(self._read(self._arrays, [LABEL])[LABEL]) if is_text else ""
 
     def _shapes(self) -> Mapping[str, tuple[tuple[int, ...], str]]:
         found = {}
