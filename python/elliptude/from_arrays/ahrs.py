@@ -68,8 +68,9 @@ def ahrs(
     if implausible not in {"refuse", "ignore"}:
         raise ValueError(f"implausible: {implausible!r}, neither 'refuse' nor 'ignore'")
     questions = _known_questions(questions)
-    file, tables = _recording(time, {"gyr": gyr, "acc": acc, "mag": mag}, stated_units)
-    tables["implausible"], heard = implausible, Heard()
+    heard = Heard()
+    file, tables = _recording(time, {"gyr": gyr, "acc": acc, "mag": mag}, stated_units, implausible, heard)
+    tables["implausible"] = implausible
     try:
         configuration = _configuration(file, tables, statements).with_questions(questions)
         pieces = plausible_pieces(logs.read_pieces(file, configuration), configuration, _NAME, heard)
@@ -161,7 +162,9 @@ def _in_arguments(error: str) -> str:
     return error if unit is None else f"{error}: gyr_unit={unit!r}?"
 
 
-def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any]) -> tuple[ArrayLog, Tables]:
+def _recording(
+    time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any], implausible: str, heard: Heard
+) -> tuple[ArrayLog, Tables]:
     """The arrays as a log, and which of its columns are which sensors."""
     times = times_of(time)
     columns: dict[str, FloatArray] = {"time[:]": times}
@@ -174,7 +177,10 @@ def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any])
             continue
         vectors = vectors_of(name, values, len(times), may_be_missing=name != "gyr")
         if name in _PLAUSIBLE:
-            _require_plausible(name, unit, float(np.nanmedian(np.linalg.norm(vectors, axis=1))))
+            fault = _implausible(name, unit, float(np.nanmedian(np.linalg.norm(vectors, axis=1))))
+            if fault and implausible == "refuse":
+                raise ValueError(f"{fault}. If it is right as it is: implausible='ignore'")
+            heard.ignored += [fault] if fault else []
         axes = [f"{name}[:, {i}]" for i in range(3)]
         columns |= dict(zip(axes, vectors.T, strict=True))
         named[_KINDS[name]] = axes, unit
@@ -182,15 +188,15 @@ def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any])
     return file, mapping.as_written(mapping.of_sensors("time[:]", "s", named), file, repair=False)
 
 
-def _require_plausible(name: str, unit: str, length: float) -> None:
-    """Raise ValueError if a sensor's median length shows that its unit is not what is stated."""
+def _implausible(name: str, unit: str, length: float) -> str:
+    """What is said of a sensor whose median length suggests that its unit is not what is stated; else empty."""
     known = _UNITS[name]
     least, most, what = _PLAUSIBLE[name]
     if least <= known[unit] * length <= most:
-        return
+        return ""
     fitting = [repr(other) for other, size in known.items() if least <= size * length <= most]
     remedy = f"; the unit may be {name}_unit={' or '.join(fitting)}" if fitting else ""
-    raise ValueError(
+    return (
         f"{name}: its median length is {length:.3g} {unit}, not {what}, "
         f"{least / known[unit]:.3g} to {most / known[unit]:.3g} {unit}{remedy}"
     )

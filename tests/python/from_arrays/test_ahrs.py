@@ -134,6 +134,17 @@ def test_how_a_sensor_is_carried_is_a_rule(tmp_path, carried):
     assert not np.array_equal(named.up_bounds, by_hand.up_bounds)
 
 
+def test_an_acceleration_above_2_g_passes_if_the_user_says_so():
+    """As at the wrist of somebody who runs: the refusal names the argument that lets it pass, and a note says it."""
+    times, rates, forces, _, _ = made(count=600, resting=250)
+    forces[250:] *= 3.0
+    with pytest.raises(ValueError, match=r"acc: its median length is 29\.\d m/s\^2, not gravity.*implausible='ignore'"):
+        el.ahrs(times, rates, forces)
+    found = el.ahrs(times, rates, forces, implausible="ignore")
+    assert len(found) == 600
+    assert any("acc: its median length is 29" in note for note in found.notes)
+
+
 def test_the_truth_is_within_all_that_is_claimed(recording, by_hand):
     attitudes = recording[-1]
     assert len(by_hand) == len(attitudes)
