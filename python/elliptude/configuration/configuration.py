@@ -122,7 +122,7 @@ class Configuration(Model):
     carried: Carried | None = None
     # What `elliptude calibrate` found of the sensors: samples are corrected as they are read.
     calibration: StatedCalibration | None = None
-    # The guaranteed mode starts from nothing if it is left out.
+    # The guaranteed mode starts from nothing if it is left out, or is of the kind first_measurement.
     start: Annotated[GivenStart | FirstMeasurementStart, Field(discriminator="kind")] | None = None
     estimator: Estimator = Estimator()
     truth: Truth | None = None
@@ -148,22 +148,23 @@ class Configuration(Model):
             raise ValueError("rule needs estimator.mode = 'guaranteed'")
         if self.start is None and self.estimator.mode != "guaranteed":
             raise ValueError("start: missing; the guaranteed mode alone needs none")
-        if self.estimator.mode == "guaranteed" and isinstance(self.start, FirstMeasurementStart):
+        from_first = self.start if isinstance(self.start, FirstMeasurementStart) else None
+        is_guaranteed = self.estimator.mode == "guaranteed"
+        if is_guaranteed and from_first is not None and from_first.bias_bound_deg_per_s is not None:
             raise ValueError(
-                "start.kind = 'first_measurement' is what the guaranteed mode does where start is left out; "
-                "flow.bias_deg_per_s bounds a gyro's bias"
+                "start.bias_bound_deg_per_s is not for the guaranteed mode: flow.bias_deg_per_s bounds a gyro's bias"
             )
         self._require_answers()
         if isinstance(self.flow, GyroFlow) and self.rate is not None:
             raise ValueError("rate: the gyro of flow.kind = 'gyro' is its input; it cannot be a measurement too")
-        if not isinstance(self.start, FirstMeasurementStart):
+        if is_guaranteed or from_first is None:
             return self
         if isinstance(self.flow, GyroFlow):
-            if self.start.bias_bound_deg_per_s is None:
+            if from_first.bias_bound_deg_per_s is None:
                 raise ValueError("start.bias_bound_deg_per_s is needed to start a gyro flow from the first measurement")
         elif self.rate is None:
             raise ValueError("start.kind = 'first_measurement' needs a rate beside the directions")
-        elif self.start.bias_bound_deg_per_s is not None:
+        elif from_first.bias_bound_deg_per_s is not None:
             raise ValueError("start.bias_bound_deg_per_s belongs to flow.kind = 'gyro'")
         if len(self.directions) < 2:
             raise ValueError("start.kind = 'first_measurement' needs two directions or more")

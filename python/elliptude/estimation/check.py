@@ -9,6 +9,7 @@ import numpy as np
 from elliptude import units
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.estimator import FirstMeasurementStart
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer, Magnetometer
 from elliptude.estimation import estimator, gaps
@@ -148,7 +149,7 @@ def _refused(log: Log, configuration: Configuration, found: list[Finding]) -> li
 
 def _start(log: Log, configuration: Configuration) -> list[Finding]:
     """Whether there is a row that a start from the first measurement needs, and which one."""
-    if configuration.start is None or configuration.start.kind != "first_measurement":
+    if not isinstance(configuration.start, FirstMeasurementStart) or configuration.estimator.mode == "guaranteed":
         return []
     try:
         first = estimator.first_complete_row(log, configuration)

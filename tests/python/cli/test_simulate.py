@@ -51,6 +51,16 @@ def test_simulate(tmp_path, scenario, suffix):
     assert summary["scenario"]["name"] == scenario
 
 
+@pytest.mark.parametrize("scenario", ["orbit", "pendulum", "free"])
+def test_what_is_written_serves_the_guaranteed_mode_too(tmp_path, scenario):
+    assert run("simulate", scenario, "--out", tmp_path).exit_code == 0
+    config = tmp_path / "estimate.toml"
+    config.write_text(config.read_text() + '\n[estimator]\nmode = "guaranteed"\n')
+    done = run("estimate", tmp_path / "measurements.csv", "--config", config, "--out", tmp_path / "result")
+    assert done.exit_code == 0, done.output
+    assert "unconditional 100 %" in done.output.replace("\n", " ")
+
+
 def test_own_scenario_many_seeds_and_json(tmp_path):
     own = tmp_path / "mine.toml"
     with scenarios.resources.as_file(scenarios._BUILT_IN / "free.toml") as file:
@@ -167,7 +177,7 @@ def test_without_the_extra(monkeypatch, capsys):
 
 def test_a_motion_beyond_all_numbers(tmp_path):
     text = (resources.files("elliptude") / "data" / "scenarios" / "orbit.toml").read_text()
-    (tmp_path / "own.toml").write_text(text.replace("orbit_rate = 1.0", "orbit_rate = 1e200"))
+    (tmp_path / "own.toml").write_text(text.replace("orbit_rate = 1.0", "orbit_rate = 1e39"))
     done = run("simulate", tmp_path / "own.toml", "--out", tmp_path / "out")
     assert done.exit_code == 1
     assert "could not be integrated" in done.output

@@ -474,8 +474,12 @@ def test_what_cannot_be_configured_is_not_written(tmp_path):
     assert near["directions"][0]["bound_from"]["kind"] == "velocity_window", "it is the magnetometer that is apart"
     assert near["directions"][0]["time_offset_bound_s"] == 0.005, "what is beside its row is known"
     config.unlink()
-    mapping.write_text(f"{text}\ndirections = [{accelerometer}]\n[start]\nkind = 'first_measurement'")
-    assert "start.kind = 'first_measurement'" in refused("bounds", log, mapping, "--out", config)
+    mapping.write_text(
+        f"{text}\ndirections = [{accelerometer}]\n[start]\nkind = 'first_measurement'\nbias_bound_deg_per_s = 1"
+    )
+    assert "start.bias_bound_deg_per_s is not for the guaranteed mode" in refused(
+        "bounds", log, mapping, "--out", config
+    )
     together = other.replace('"other", time_unit', '"t", time_unit')
     mapping.write_text(f"{text}\ndirections = [{accelerometer}, {together}]\n[estimator]\nmode='guaranteed'\nmost=2")
     assert "estimator.most" in refused("bounds", log, mapping, "--mode", "guaranteed", "--out", config)
