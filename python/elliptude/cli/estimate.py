@@ -36,6 +36,7 @@ from elliptude.io.spool import NamedFile, recording
 from elliptude.logs import log as logs
 from elliptude.logs import plausibility
 from elliptude.logs.repair import Repaired, Survey
+from elliptude.report.estimated.measured import Measured
 from elliptude.report.run import read_run
 from elliptude.report.thinning import Thinned
 from elliptude.results import IF_PROPOSED_BOUNDS_HOLD
@@ -261,16 +262,18 @@ def _estimate_pieces(
     at_once = configuration.estimator.mode == "guaranteed"
     if at_once:
         pieces = _counted(pieces, progress, task)
-    summary, thinned = Summary(), Thinned()
+    summary, thinned, measured = Summary(), Thinned(), Measured(configuration)
     try:
         with writing_columns(out / table, "results", heard.notes) as write:
-            for result in estimator.run(pieces):
+            for result in estimator.run(_measured(pieces, measured)):
                 progress.update(task, advance=0 if at_once else len(result.times), description="Estimating")
                 # It takes a third of a second, while the core works on the next piece.
                 importlib.import_module("elliptude.report.figures")
                 write(result.columns(), result.origin)
                 summary.add(result)
                 thinned.add(result)
+                if not at_once:
+                    measured.add_left_out(result)
             progress.update(task, description="Writing")
             (out / SUMMARY).unlink(missing_ok=True)
     except ValueError as error:  # also sets that do not meet
@@ -278,6 +281,7 @@ def _estimate_pieces(
     if estimator.guaranteed is not None:
         dropped = guaranteed_result.dropped_columns(estimator.guaranteed)
         write_columns(out / _DROPPED, "dropped", dropped, estimator.guaranteed.log.counts_from)
+        measured.add_left_out_at(zip(map(float, dropped["time_s"]), map(str, dropped["sensor"]), strict=True))
     figures_of = summary.to_dict(
         configuration,
         vector_is_compared=estimator.vector_is_compared,
@@ -292,7 +296,10 @@ def _estimate_pieces(
         assert estimator.guaranteed is not None
         figures_of["smoothing"] = smoothing.figures(estimator.guaranteed)
     figures_of["repaired"] = found.to_dict()
-    return finish(thinned.result(), figures_of, configuration, out, table, log.name, summary.inside_share, axes)
+    sensors = measured.sensors()
+    return finish(
+        thinned.result(), figures_of, configuration, out, table, log.name, summary.inside_share, axes, sensors
+    )
 
 
 def _noting_repairs(pieces: Iterator[logs.Log], found: Survey) -> Iterator[logs.Log]:
@@ -300,6 +307,13 @@ def _noting_repairs(pieces: Iterator[logs.Log], found: Survey) -> Iterator[logs.
     for piece in pieces:
         if isinstance(piece.file, Repaired) and not found.faults:
             found.faults += piece.file.found.faults
+        yield piece
+
+
+def _measured(pieces: Iterator[logs.Log], measured: Measured) -> Iterator[logs.Log]:
+    """The pieces of a log; what they measured is kept for the pictures."""
+    for piece in pieces:
+        measured.add(piece)
         yield piece
 
 

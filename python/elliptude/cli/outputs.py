@@ -8,6 +8,7 @@ from elliptude.bounds.angles.about_axes import ErrorAxes
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError, require_writable, write_json
 from elliptude.io.tables import Result
+from elliptude.report.estimated.measured import MeasuredSensor
 
 PAGE = (".html", ".htm")
 """What the names of pages end in."""
@@ -72,12 +73,14 @@ def finish(
     title: str,
     inside_share: float | None = None,
     axes: ErrorAxes = "reference",
+    measured: Sequence[MeasuredSensor] = (),
 ) -> dict[str, Any]:
     """Draw the figure and write the summary, last: it says that the folder is complete."""
     from elliptude.report import figures
+    from elliptude.report.estimated import picture
 
     label = configuration.truth.label if configuration.truth is not None else "truth"
-    figure = figures.estimate_figure(
+    figure = picture.estimate_figure(
         drawn,
         title,
         label=label,
@@ -86,6 +89,7 @@ def finish(
         frame=configuration.frame,
         heading_from_start=summary.get("heading") == "from the first row",
         proposed_from=configuration.proposed_from,
+        measured=measured,
     )
     figures.save(figure, out / FIGURE)
     summary |= {"title": title, "results": table, "figure": FIGURE}

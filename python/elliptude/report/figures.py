@@ -6,7 +6,7 @@ reference axes or, if wanted, about those of the body (`elliptude.bounds.angles.
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,8 +17,6 @@ from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 import elliptude
-from elliptude.bounds.angles.about_axes import ErrorAxes, about_axes
-from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT
 from elliptude.io.files import replacing
 from elliptude.io.tables import Result
 from elliptude.report.thinning import spans_unknown
@@ -47,8 +45,6 @@ _HIGHEST_FORM = 1e4
 _FAR_OUT = 10.0
 # A log axis over less has ticks at even steps, as a linear one; over more at powers of ten, this many at most.
 _NARROW_DECADES, _WIDE_DECADES, _MOST_POWERS = 0.9, 3.1, 8
-# Fewer points than this are marked, because the lines between them only guide the eye.
-_MARK_BELOW = 150
 
 Style: TypeAlias = dict[str, Any]
 
@@ -74,178 +70,6 @@ def entitle(figure: Figure, title: str, proposed_from: str | None, *more: str) -
     """
     said = [] if proposed_from is None else [f"the bounds are proposals from {proposed_from}: no guarantee"]
     figure.suptitle("\n".join([title, *more, *said]), fontsize=11)
-
-
-def estimate_figure(
-    result: Result,
-    title: str,
-    *,
-    label: str = "truth",
-    inside_share: float | None = None,
-    axes: ErrorAxes = "reference",
-    frame: str | None = None,
-    heading_from_start: bool = False,
-    proposed_from: str | None = None,
-) -> Figure:
-    """The errors with their bounds as bands, axis by axis; the share inside; the size of the set.
-
-    Parameters
-    ----------
-    result : Result
-    title : str
-    label : str
-        What the estimates are compared with.
-    inside_share : float, optional
-        The share of all rows, if ``result`` has only some of them.
-    axes : {"reference", "body"}
-        About which axes attitude errors are shown.
-    frame : str, optional
-        The reference frame, whose axes may have names.
-    heading_from_start : bool
-        Whether the heading counts from the first row.
-    proposed_from : str, optional
-        The recording that the bounds are proposed from, if they are proposals.
-
-    Returns
-    -------
-    Figure
-    """
-    angles = result.roll_pitch_yaw
-    above = 0 if angles is None else 3  # rows of panels
-    figure = new_figure(8.4 + 1.5 * above)
-    entitle(figure, title, proposed_from)
-    grid = figure.add_gridspec(above + 4, 2)
-    time = result.times
-    has_set = np.isfinite(result.largest_angles)
-    marks = _marks(result)
-    first: Axes | None = None
-    if angles is not None:
-        first = figure.add_subplot(grid[0, :])
-        panels = [first, *(figure.add_subplot(grid[i, :], sharex=first) for i in (1, 2))]
-        draw_roll_pitch_yaw(panels, time, angles, _true_angles(result), label)
-        for i, panel in enumerate(panels):
-            shade_unknown(panel, time, np.isfinite(angles[:, 3 * i]))
-            shade_conditional(panel, time, result.claims if i == 2 else (result.up_claims or result.claims))
-            panel.tick_params(labelbottom=i == 2)
-    columns = _error_columns(result, axes, frame, heading_from_start)
-    for j, column in enumerate(columns):
-        for i in range(3):
-            place = grid[above + i, :] if len(columns) == 1 else grid[above + i, j]
-            panel = figure.add_subplot(place, sharex=first)
-            first = first or panel
-            shade_unknown(panel, time, has_set)
-            shade_conditional(panel, time, result.claims)
-            _draw_band(panel, time, column, i, label, **marks)
-            # Panels of the whole width are not aligned with those below.
-            panel.tick_params(labelbottom=len(columns) == 1 and i == 2)
-    compared = result.forms is not None and bool(np.isfinite(result.forms).any())
-    size = figure.add_subplot(grid[above + 3, 1] if compared else grid[above + 3, :], sharex=first)
-    # Up may be known where no set is.
-    shade_unknown(size, time, has_set if result.up_bounds is None else has_set | np.isfinite(result.up_bounds))
-    shade_conditional(size, time, result.claims)
-    _draw_size(size, result, **marks)
-    size.set_xlabel("time (s)")
-    if compared:
-        place_in_set = figure.add_subplot(grid[above + 3, 0], sharex=first)
-        shade_unknown(place_in_set, time, has_set)
-        _draw_form(place_in_set, time, [("form", result.forms, BLACK)], inside_share, **marks)
-        place_in_set.set_xlabel("time (s)")
-    assert first is not None
-    if len(time) > 1:  # also where nothing is known
-        first.set_xlim(float(time[0]), float(time[-1]))
-    _put_legend_below(figure, figure.axes if result.headings is not None else [first])
-    return figure
-
-
-class _ErrorColumn(NamedTuple):
-    """A column of three panels: errors and their bounds."""
-
-    heading: str
-    labels: tuple[str, ...]
-    bounds: FloatArray
-    """Degrees or degrees/s, shape (N, 3)."""
-    errors: FloatArray | None
-
-
-def _error_columns(result: Result, axes: ErrorAxes, frame: str | None, heading_from_start: bool) -> list[_ErrorColumn]:
-    """The attitude, and the vector beside it; a bias that is not estimated has nothing to show."""
-    attitude = about_axes(
-        axes,
-        result.attitudes,
-        result.shapes[:, :3, :3],
-        result.chart,
-        result.half_widths[:, :3],
-        _known_errors(result, slice(0, 3)),
-        turns=result.turns_reference if axes == "reference" else result.turns_body,
-        frame=frame,
-        heading_from_start=heading_from_start,
-    )
-    labels = tuple(f"about {name} (deg)" for name in attitude.names)
-    found = [_error_column("attitude error", attitude.phrase, labels, attitude.half_widths, attitude.errors)]
-    if np.isfinite(result.half_widths[:, 3:]).any():
-        name, unit = ("gyro bias error", "beta") if result.vector == "bias" else ("angular velocity error", "omega")
-        labels = tuple(rf"$\delta\{unit}_{axis}$ (deg/s)" for axis in "xyz")
-        bounds, errors = _vector_bounds(result), _known_errors(result, slice(3, 6))
-        found.append(_error_column(name, "body axes", labels, bounds, errors))
-    return found
-
-
-def _vector_bounds(result: Result) -> FloatArray:
-    """How far the vector may be off: as it was asked by itself, or as the set says, rad/s, shape (N, 3)."""
-    if result.vector_ranges is None:
-        return result.half_widths[:, 3:]
-    ranges = result.vector_ranges.reshape(-1, 3, 2)
-    return np.asarray(np.abs(ranges - result.vectors[..., None]).max(axis=-1))
-
-
-def _known_errors(result: Result, part: slice) -> FloatArray | None:
-    """Errors of the attitude or of the vector; None if none is known."""
-    errors = result.errors
-    return None if errors is None or not np.isfinite(errors[:, part]).any() else errors[:, part]
-
-
-def _error_column(
-    what: str, about: str, labels: tuple[str, ...], bounds: FloatArray, errors: FloatArray | None
-) -> _ErrorColumn:
-    heading = f"{what}{' ' if about.startswith('about') else ', '}{about}"
-    heading = heading if errors is not None else f"bound of the {heading}"
-    return _ErrorColumn(heading, labels, np.rad2deg(bounds), None if errors is None else np.rad2deg(errors))
-
-
-def _draw_band(panel: Axes, time: FloatArray, column: _ErrorColumn, i: int, label: str, **marks: Any) -> None:
-    """The error about an axis within its band."""
-    limit = error_limit(column.bounds, column.errors)
-    bound = column.bounds[:, i]
-    panel.fill_between(time, -bound, bound, color=BLUE, alpha=0.22, linewidth=0, label="where it may be")
-    if column.errors is not None:
-        panel.plot(time, column.errors[:, i], color=BLACK, linewidth=0.9, label=f"error against {label}", **marks)
-    panel.axhline(0.0, color=GREY, linewidth=0.5)
-    panel.set_ylim(-limit, limit)
-    panel.set_ylabel(column.labels[i])
-    if i == 0:
-        panel.set_title(column.heading, fontsize=9.5)
-
-
-def _put_legend_below(figure: Figure, panels: Sequence[Axes]) -> None:
-    """What the curves of some panels are, each once."""
-    entries: dict[str, Any] = {}
-    for axes in panels:
-        of_axes = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-        entries |= {label: handle for label, handle in of_axes.items() if label not in (*entries, "error")}
-    # Shades may be in others alone.
-    for label in (UNKNOWN, CONDITIONAL):
-        shades = [one for axes in figure.axes for one in axes.collections if one.get_label() == label]
-        if shades:
-            entries[label] = shades[0]
-    columns = len(entries) if len(entries) <= 4 else -(-len(entries) // 2)
-    figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns, frameon=False)
-
-
-def _true_angles(result: Result) -> FloatArray | None:
-    """Roll, pitch and yaw of the truth, rad, shape (N, 3); None without one."""
-    if result.errors is None:
-        return None
-    return true_roll_pitch_yaw(result.attitudes, result.errors[:, :3])
 
 
 def true_roll_pitch_yaw(attitudes: FloatArray, errors: FloatArray) -> FloatArray:
@@ -277,32 +101,39 @@ def draw_roll_pitch_yaw(
     label : str
         What ``true`` is.
     """
-    for i, (panel, name) in enumerate(zip(panels, ("roll", "pitch", "yaw"), strict=True)):
-        value, least, most = np.rad2deg(angles[:, 3 * i : 3 * i + 3]).T
-        goes_around = i != 1 and bool((np.nanmin(least, initial=0.0) < -180.0) | (np.nanmax(most, initial=0.0) > 180.0))
-        broken = cut_at_wraps(time, value, least, most)
-        # What reaches beyond half a turn comes in again at the other side.
-        for around in (0.0, -360.0, 360.0) if goes_around else (0.0,):
-            panel.fill_between(
-                broken[0],
-                broken[2] + around,
-                broken[3] + around,
-                color=BLUE,
-                alpha=0.22,
-                linewidth=0,
-                label="" if around else "where it may be",
-            )
-        panel.plot(broken[0], broken[1], color=BLUE, linewidth=1.1, label="as estimated")
-        if true is not None and np.isfinite(true[:, i]).any():
-            cut = cut_at_wraps(time, np.rad2deg(true[:, i]))
-            # Dashed, so that the estimate is seen below it, and no error is taken for it.
-            panel.plot(cut[0], cut[1], color=BLACK, linewidth=1.0, linestyle=(0, (3, 2)), label=label)
-        if goes_around:
-            panel.set_ylim(-180.0, 180.0)
-            panel.set_yticks(range(-180, 181, 90))
-        panel.grid(axis="y", linewidth=0.3)
-        panel.set_ylabel(f"{name} (deg)")
-    panels[0].set_title("roll, pitch and yaw, and where the truth may be", fontsize=9.5)
+    for i, panel in enumerate(panels):
+        draw_angle(panel, time, angles, true, label, i)
+
+
+def draw_angle(panel: Axes, time: FloatArray, angles: FloatArray, true: FloatArray | None, label: str, i: int) -> None:
+    """Roll, pitch or yaw, by its number i, in its band; parameters as of `draw_roll_pitch_yaw`."""
+    name = ("roll", "pitch", "yaw")[i]
+    value, least, most = np.rad2deg(angles[:, 3 * i : 3 * i + 3]).T
+    goes_around = i != 1 and bool((np.nanmin(least, initial=0.0) < -180.0) | (np.nanmax(most, initial=0.0) > 180.0))
+    broken = cut_at_wraps(time, value, least, most)
+    # What reaches beyond half a turn comes in again at the other side.
+    for around in (0.0, -360.0, 360.0) if goes_around else (0.0,):
+        panel.fill_between(
+            broken[0],
+            broken[2] + around,
+            broken[3] + around,
+            color=BLUE,
+            alpha=0.22,
+            linewidth=0,
+            label="" if around else "where it may be",
+        )
+    panel.plot(broken[0], broken[1], color=BLUE, linewidth=1.1, label="as estimated")
+    if true is not None and np.isfinite(true[:, i]).any():
+        cut = cut_at_wraps(time, np.rad2deg(true[:, i]))
+        # Dashed, so that the estimate is seen below it, and no error is taken for it.
+        panel.plot(cut[0], cut[1], color=BLACK, linewidth=1.0, linestyle=(0, (3, 2)), label=label)
+    if goes_around:
+        panel.set_ylim(-180.0, 180.0)
+        panel.set_yticks(range(-180, 181, 90))
+    panel.grid(axis="y", linewidth=0.3)
+    panel.set_ylabel(f"{name} (deg)")
+    if i == 0:
+        panel.set_title("roll, pitch and yaw, and where the truth may be", fontsize=9.5)
 
 
 def cut_at_wraps(time: FloatArray, value: FloatArray, *others: FloatArray) -> list[FloatArray]:
@@ -310,38 +141,6 @@ def cut_at_wraps(time: FloatArray, value: FloatArray, *others: FloatArray) -> li
     jumps = np.flatnonzero(np.abs(np.diff(value)) > 180.0) + 1
     cut = [np.insert(curve, jumps, np.nan) for curve in (value, *others)]
     return [np.insert(time, jumps, time[jumps]), *cut]
-
-
-def _draw_size(axes: Axes, result: Result, **marks: Any) -> None:
-    """The largest angle in the set, the error, and bounds of heading and tilt."""
-    time, errors = result.times, result.errors
-    axes.plot(
-        time,
-        np.rad2deg(result.largest_angles),
-        color=SIZE_COLOUR,
-        linewidth=1.6,
-        label=LARGEST_ANGLE,
-        **marks,
-    )
-    if errors is not None:
-        axes.plot(
-            time, np.rad2deg(np.linalg.norm(errors[:, :3], axis=1)), color=BLACK, linewidth=0.9, label="error", **marks
-        )
-    axes.set_ylabel("angle (deg)")
-    plain_log_axis(axes)
-    if result.headings is None or result.tilt_bounds is None:
-        what = "largest angle (orange), and the error" if errors is not None else "largest angle"
-        axes.set_title(f"size of the set: {what}", fontsize=9.5)
-        return
-    heading = np.rad2deg(np.abs(result.headings).max(axis=1))
-    axes.plot(time, heading, color=HEADING_COLOUR, linewidth=1.1, linestyle="--", label=HEADING, **marks)
-    axes.plot(time, np.rad2deg(result.tilt_bounds), color=TILT_COLOUR, linewidth=1.1, label=TILT, **marks)
-    if result.up_bounds is not None:
-        alone = np.where(np.isnan(result.tilt_bounds), np.rad2deg(result.up_bounds), np.nan)
-        if np.isfinite(alone).any():
-            axes.plot(time, alone, color=TILT_COLOUR, linewidth=1.4, linestyle=":", label="up alone", **marks)
-    axes.set_title("how far the attitude may be off", fontsize=9.5)
-    begin_above(axes, HEADING)
 
 
 def begin_above(axes: Axes, name: str) -> None:
@@ -399,7 +198,7 @@ def about_line_figure(
         plain_log_axis(axes)
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=9)
     colours = [strong for strong, _ in _TONES]
-    _draw_form(forms, time, [(name, run.forms, colour) for (name, run, *_), colour in zip(runs, colours, strict=False)])
+    draw_form(forms, time, [(name, run.forms, colour) for (name, run, *_), colour in zip(runs, colours, strict=False)])
     forms.set_xlabel("time (s)")
     return figure
 
@@ -490,7 +289,7 @@ def shade_unknown(axes: Axes, time: FloatArray, known: NDArray[np.bool_]) -> Non
         s.
     known : (N,) array of bool
     """
-    _shade(axes, spans_unknown(time, known), UNKNOWN, SHADE)
+    shade_spans(axes, spans_unknown(time, known), UNKNOWN, SHADE)
 
 
 def shade_conditional(axes: Axes, time: FloatArray, claims: Sequence[str] | None) -> None:
@@ -506,18 +305,15 @@ def shade_conditional(axes: Axes, time: FloatArray, claims: Sequence[str] | None
     """
     if claims is not None:
         others = np.array([one != "conditional" for one in claims], dtype=np.bool_)
-        _shade(axes, spans_unknown(time, others), CONDITIONAL, CONDITIONAL_SHADE)
+        shade_spans(axes, spans_unknown(time, others), CONDITIONAL, CONDITIONAL_SHADE)
 
 
-def _shade(axes: Axes, spans: Sequence[tuple[float, float]], label: str, style: Style) -> None:
+def shade_spans(axes: Axes, spans: Sequence[tuple[float, float]], label: str, style: Style) -> None:
+    """Shade spans of time, s, over the whole height."""
     if spans:
         corners = [[(begin, 0.0), (begin, 1.0), (end, 1.0), (end, 0.0)] for begin, end in spans]
         shades = PolyCollection(corners, transform=axes.get_xaxis_transform(), label=label, **style)
         axes.add_collection(shades, autolim=False)
-
-
-def _marks(result: Result) -> Style:
-    return {"marker": "o", "markersize": 2.5} if len(result.times) < _MARK_BELOW else {}
 
 
 def error_limit(bounds: FloatArray, errors: FloatArray | None) -> float:
@@ -529,7 +325,7 @@ def error_limit(bounds: FloatArray, errors: FloatArray | None) -> float:
     return 1.15 * highest if highest > 0.0 else 1.0
 
 
-def _draw_form(
+def draw_form(
     axes: Axes,
     time: FloatArray,
     curves: Sequence[tuple[str, FloatArray | None, str]],

@@ -16,7 +16,8 @@ from elliptude.estimation.summary import Summary
 from elliptude.io import column_files, tables
 from elliptude.io.files import FileError
 from elliptude.logs import plausibility
-from elliptude.report import figures, thinning
+from elliptude.report import thinning
+from elliptude.report.estimated import picture
 from elliptude.simulation import scenarios
 from elliptude.simulation.configured import configuration_tables
 from scipy.spatial.transform import Rotation
@@ -240,7 +241,7 @@ def test_thinned_keeps_every_escape_that_a_pixel_would(monkeypatch):
     assert 50 <= len(kept.times) <= 100
     assert (np.diff(kept.times) > 0.0).all()
     np.testing.assert_array_equal(np.sort(kept.forms)[-3:], [3.0, 4.0, 5.0])
-    figure = figures.estimate_figure(kept, "thinned", inside_share=0.9985)
+    figure = picture.estimate_figure(kept, "thinned", inside_share=0.9985)
     assert any("inside: 99.85 %" in axes.get_title() for axes in figure.axes)
 
 

@@ -10,6 +10,7 @@ from elliptude import estimation, logs, simulation
 from elliptude.configuration import Configuration
 from elliptude.io.files import FileError
 from elliptude.report import figures
+from elliptude.report.estimated import picture
 from elliptude.simulation import fermi, scenarios
 from elliptude.simulation.configured import configuration_tables
 from scipy.spatial.transform import Rotation
@@ -34,19 +35,20 @@ def without_rate_truth(results):
 
 
 @pytest.mark.parametrize(
-    ("change", "below"), [(lambda results: results, 2), (without_truth, 1), (without_rate_truth, 2)]
+    ("change", "above", "below"),
+    [(lambda results: results, 6, 2), (without_truth, 2, 1), (without_rate_truth, 4, 2)],
 )
-def test_estimate_figure(tmp_path, results, change, below):
-    """Where the truth is in its set has a panel of its own, if there is a truth."""
-    figure = figures.estimate_figure(change(results), "Pendulum")
-    assert len(figure.axes) == 6 + below
+def test_estimate_figure(tmp_path, results, change, above, below):
+    """Errors have a panel for each axis, bounds without errors one for all; the place of the truth has one, too."""
+    figure = picture.estimate_figure(change(results), "Pendulum")
+    assert len(figure.axes) == above + below
     for axes in figure.axes:
         assert "deg" in axes.get_ylabel() or axes.get_ylabel().endswith("(-)")
     assert [axes.get_xlabel() for axes in figure.axes].count("time (s)") == below
     figures.save(figure, tmp_path / "figure.png")
-    picture = matplotlib.image.imread(tmp_path / "figure.png")
-    assert picture.shape[1] == 1080
-    assert picture[..., :3].std() > 0.05
+    image = matplotlib.image.imread(tmp_path / "figure.png")
+    assert image.shape[1] == 1080
+    assert image[..., :3].std() > 0.05
     assert [file.name for file in tmp_path.iterdir()] == ["figure.png"]
 
 
@@ -62,7 +64,7 @@ def test_attitude_errors_are_about_reference_axes_unless_body_axes_are_wanted(re
          widths),
         ({"axes": "body"}, "attitude error about the body axes", "xyz", errors, results.half_widths[:, :3]),
     ):  # fmt: skip
-        panels = figures.estimate_figure(results, "Pendulum", **options).axes[:3]
+        panels = picture.estimate_figure(results, "Pendulum", **options).axes[:6:2]
         assert panels[0].get_title() == heading
         assert [panel.get_ylabel() for panel in panels] == [f"about {label} (deg)" for label in labels]
         for i, panel in enumerate(panels):
@@ -83,7 +85,7 @@ def with_angles(results):
 
 
 def test_roll_pitch_and_yaw_come_first(tmp_path, results):
-    figure = figures.estimate_figure(with_angles(results), "Pendulum")
+    figure = picture.estimate_figure(with_angles(results), "Pendulum")
     assert len(figure.axes) == 11
     assert [panel.get_ylabel() for panel in figure.axes[:3]] == ["roll (deg)", "pitch (deg)", "yaw (deg)"]
     roll, pitch, _ = figure.axes[:3]
@@ -112,7 +114,7 @@ def test_no_two_entries_of_the_legend_look_alike(results):
     largest[10:15] = np.nan
     results = dataclasses.replace(results, largest_angles=largest)
     for shown in (results, without_truth(results)):
-        (legend,) = figures.estimate_figure(shown, "Pendulum").legends
+        (legend,) = picture.estimate_figure(shown, "Pendulum").legends
         looks = [look(handle) for handle in legend.legend_handles]
         assert len(looks) >= 3
         assert len(set(looks)) == len(looks)
@@ -125,7 +127,7 @@ def test_each_angle_is_grey_where_it_is_not_known(results):
     angles = results.roll_pitch_yaw.copy()
     angles[10:15, 6:] = np.nan
     shown = dataclasses.replace(results, largest_angles=largest, roll_pitch_yaw=angles)
-    panels = figures.estimate_figure(shown, "Pendulum").axes[:3]
+    panels = picture.estimate_figure(shown, "Pendulum").axes[:3]
     greys = [[one for one in panel.collections if one.get_label() == figures.UNKNOWN] for panel in panels]
     assert greys[:2] == [[], []]
     ((grey,),) = greys[2:]
@@ -138,7 +140,7 @@ def test_each_panel_shows_where_it_rests_on_what_was_left_out(results):
     results, count = with_angles(results), len(results.times)
     claims = tuple("conditional" if row >= 10 else "unconditional" for row in range(count))
     shown = dataclasses.replace(results, claims=claims, up_claims=("unconditional",) * count)
-    figure = figures.estimate_figure(shown, "Pendulum")
+    figure = picture.estimate_figure(shown, "Pendulum")
     shaded = [any(one.get_label() == figures.CONDITIONAL for one in panel.collections) for panel in figure.axes[:4]]
     assert shaded == [False, False, True, True]
     (amber,) = [one for one in figure.axes[2].collections if one.get_label() == figures.CONDITIONAL]
@@ -148,8 +150,8 @@ def test_each_panel_shows_where_it_rests_on_what_was_left_out(results):
 
 
 def test_the_picture_says_that_bounds_are_proposals(results):
-    assert figures.estimate_figure(results, "Pendulum").get_suptitle() == "Pendulum"
-    said = figures.estimate_figure(results, "Pendulum", proposed_from="log.csv").get_suptitle()
+    assert picture.estimate_figure(results, "Pendulum").get_suptitle() == "Pendulum"
+    said = picture.estimate_figure(results, "Pendulum", proposed_from="log.csv").get_suptitle()
     assert said == "Pendulum\nthe bounds are proposals from log.csv: no guarantee"
 
 
@@ -173,7 +175,7 @@ def test_curves_are_cut_where_an_angle_goes_around():
 
 
 def test_bands_and_errors_are_those_of_the_results(results):
-    figure = figures.estimate_figure(results, "Pendulum")
+    figure = picture.estimate_figure(results, "Pendulum")
     rate_axes = next(axes for axes in figure.axes if "omega_y" in axes.get_ylabel())
     error, zero = rate_axes.lines
     np.testing.assert_allclose(error.get_ydata(), np.rad2deg(results.errors[:, 4]))
@@ -195,10 +197,11 @@ def test_where_no_set_is_known_and_no_bias_is_estimated(tmp_path, results):
     shapes[5:] = np.nan
     of_sets = {"half_widths": half_widths, "largest_angles": largest, "shapes": shapes}
     some = without_truth(dataclasses.replace(results, **of_sets, vector="bias"))
-    figure = figures.estimate_figure(some, "A gap")
-    assert len(figure.axes) == 4
-    for panel in figure.axes[:3]:
-        assert panel.get_ylim() == pytest.approx((-46.0, 46.0))
+    figure = picture.estimate_figure(some, "A gap")
+    assert len(figure.axes) == 2
+    for panel in figure.axes[:1]:
+        assert panel.get_ylim() == pytest.approx((0.0, 46.0))
+        assert len(panel.lines) == 3
         assert panel.get_xlim() == (results.times[0], results.times[-1])
         shade = next(one for one in panel.collections if one.get_label() == figures.UNKNOWN)
         assert shade.get_paths()[0].get_extents().x0 == results.times[4]
@@ -209,7 +212,7 @@ def test_where_no_set_is_known_and_no_bias_is_estimated(tmp_path, results):
 def test_the_edge_of_the_set_is_seen_beside_forms_far_out(results):
     forms = results.forms.copy()
     forms[3] = 2e4
-    figure = figures.estimate_figure(dataclasses.replace(results, forms=forms), "Far out")
+    figure = picture.estimate_figure(dataclasses.replace(results, forms=forms), "Far out")
     form = next(axes for axes in figure.axes if "P^{-1}" in axes.get_ylabel())
     assert form.get_yscale() == "log"
     low, high = form.get_ylim()
@@ -220,7 +223,7 @@ def test_the_edge_of_the_set_is_seen_beside_forms_far_out(results):
 def test_share_inside_counts_what_lies_outside(results):
     forms = results.forms.copy()
     forms[:15] = 2.0
-    figure = figures.estimate_figure(dataclasses.replace(results, forms=forms), "Pendulum")
+    figure = picture.estimate_figure(dataclasses.replace(results, forms=forms), "Pendulum")
     form = next(axes for axes in figure.axes if "P^{-1}" in axes.get_ylabel())
     assert "inside: 75 %" in form.get_title()
     assert form.get_ylim()[1] > 2.0
@@ -228,7 +231,7 @@ def test_share_inside_counts_what_lies_outside(results):
 
 def test_the_same_results_make_the_same_file(tmp_path, results):
     for name in ("one.png", "two.png"):
-        figures.save(figures.estimate_figure(results, "Pendulum"), tmp_path / name)
+        figures.save(picture.estimate_figure(results, "Pendulum"), tmp_path / name)
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
 
 
@@ -277,4 +280,4 @@ def test_about_line_figure(tmp_path, results):
 
 def test_a_folder_that_is_not_there(tmp_path, results):
     with pytest.raises(FileError, match="not written"):
-        figures.save(figures.estimate_figure(results, "Pendulum"), tmp_path / "nowhere" / "figure.png")
+        figures.save(picture.estimate_figure(results, "Pendulum"), tmp_path / "nowhere" / "figure.png")

@@ -1,0 +1,1 @@
+"""The picture of an estimation, and what the sensors measured, which the page shows, too."""
