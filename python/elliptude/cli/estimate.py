@@ -131,11 +131,14 @@ def estimate(
     require_outputs(written, force=force, folder=out, read=[log, config], endings={report: PAGE})
     source = recording(log)
     with _making(out), progress_on(Console(stderr=True), "{task.completed:,} rows") as progress:
-        summary = _estimate_pieces(source, configuration, out, files[0].name, progress, smooth, axes)
+        measured = Measured(configuration)
+        summary = _estimate_pieces(source, configuration, out, files[0].name, progress, smooth, axes, measured)
         other.unlink(missing_ok=True)  # of an earlier estimation: a folder of results has one table
         if report is not None:
             run, label = read_run(out)
-            html_report.write_report(replace(run, axes=axes), report, source.name, label=label)
+            html_report.write_report(
+                replace(run, axes=axes), report, source.name, label=label, measured=measured.sensors()
+            )
     if as_json:
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
     else:
@@ -250,6 +253,7 @@ def _estimate_pieces(
     progress: Progress,
     smooth: bool,
     axes: ErrorAxes,
+    measured: Measured,
 ) -> dict[str, Any]:
     """Read, estimate and write piece by piece: memory does not grow with the log."""
     task = progress.add_task("Reading", total=None)
@@ -262,7 +266,7 @@ def _estimate_pieces(
     at_once = configuration.estimator.mode == "guaranteed"
     if at_once:
         pieces = _counted(pieces, progress, task)
-    summary, thinned, measured = Summary(), Thinned(), Measured(configuration)
+    summary, thinned = Summary(), Thinned()
     try:
         with writing_columns(out / table, "results", heard.notes) as write:
             for result in estimator.run(_measured(pieces, measured)):

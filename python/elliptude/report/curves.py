@@ -112,7 +112,7 @@ def _times(run: Run, rows: NDArray[np.intp]) -> list[float]:
     return [float(time) for time in run.times[rows]]
 
 
-def _time_axis(run: Run) -> dict[str, Any]:
+def time_axis(run: Run) -> dict[str, Any]:
     """The time axis of all plots, so that they can be compared; times since 1970 are not written as "1.7B"."""
     first, last = float(run.times[0]), float(run.times[-1])
     return {
@@ -179,7 +179,7 @@ def _size(run: Run, rows: NDArray[np.intp]) -> dict[str, Any]:
             axis["range"] = [float(np.log10(low)), float(np.log10(1.3 * high))]
         ticks = log_ticks(low, high)
         axis |= {"tickmode": "array", "tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks]}
-    layout = plot_layout(xaxis=_time_axis(run), yaxis=axis)
+    layout = plot_layout(xaxis=time_axis(run), yaxis=axis)
     if run.listed is not None and len(run.listed.times):
         marks = _drop_marks(run, run.listed)
         height = min(0.07 * len(marks), 0.3)
@@ -232,7 +232,7 @@ def _bands(run: Run, rows: NDArray[np.intp], label: str) -> dict[str, Any]:
     shown = run.about_axes()
     bounds, errors = shown.half_widths[rows][known], None if shown.errors is None else shown.errors[rows][known]
     limit = np.rad2deg(error_limit(bounds, errors)) if known.any() else 1.0
-    layout = plot_layout(grid={"rows": 3, "columns": 1, "pattern": "coupled"}, xaxis=_time_axis(run))
+    layout = plot_layout(grid={"rows": 3, "columns": 1, "pattern": "coupled"}, xaxis=time_axis(run))
     for i, axis in enumerate(shown.names):
         place = {"xaxis": "x", "yaxis": f"y{i + 1}" if i else "y"}
         bound = np.where(known, np.rad2deg(shown.half_widths[rows, i]), np.nan)
@@ -257,7 +257,7 @@ def _angles(run: Run, rows: NDArray[np.intp], angles: FloatArray, label: str) ->
     time = run.times[rows]
     true = None if run.errors is None else true_roll_pitch_yaw(run.attitudes[rows], run.errors[rows])
     traces: list[dict[str, Any]] = []
-    layout = plot_layout(grid={"rows": 3, "columns": 1, "pattern": "coupled"}, xaxis=_time_axis(run))
+    layout = plot_layout(grid={"rows": 3, "columns": 1, "pattern": "coupled"}, xaxis=time_axis(run))
     for i, name in enumerate(("roll", "pitch", "yaw")):
         place = {"xaxis": "x", "yaxis": f"y{i + 1}" if i else "y"}
         value, least, most = np.rad2deg(angles[:, 3 * i : 3 * i + 3]).T
@@ -412,7 +412,7 @@ def _strip(run: Run, spells: list[Spell]) -> dict[str, Any]:
     layout = plot_layout(
         barmode="overlay",
         height=65 + 30 * len(lanes),
-        xaxis=_time_axis(run),
+        xaxis=time_axis(run),
         yaxis={"categoryorder": "array", "categoryarray": lanes[::-1], "automargin": True, "dtick": 1},
         showlegend=False,
         hovermode="closest",

@@ -6,6 +6,7 @@ Curves are drawn at chosen rows (`elliptude.report.thinning.chosen_rows`), the s
 
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 from importlib import resources
@@ -19,6 +20,8 @@ from elliptude.bounds.angles.about_axes import ErrorAxes
 from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT, UP, half_width, tilt_beyond_set
 from elliptude.io.files import FileError, replacing
 from elliptude.report.curves import AMBER, GREY, PIECES, plots_over_time
+from elliptude.report.estimated.curves import measured_plot
+from elliptude.report.estimated.measured import MeasuredSensor
 from elliptude.report.run import SPELL_GAP, DroppedMeasurements, Run, Spell
 from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, claim_label
 from elliptude.report.sphere import frame_rows, sphere_frames, sphere_plot
@@ -138,7 +141,14 @@ def _spread(values: FloatArray) -> dict[str, float] | None:
     return {"median": float(np.median(values)), "mean": float(values.mean()), "largest": float(values.max())}
 
 
-def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: str = "truth") -> dict[str, Any]:
+def write_report(
+    run: Run,
+    path: str | os.PathLike[str],
+    title: str,
+    *,
+    label: str = "truth",
+    measured: Sequence[MeasuredSensor] = (),
+) -> dict[str, Any]:
     """Write the report, in whole or not at all.
 
     Parameters
@@ -149,6 +159,8 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
     title : str
     label : str
         What the run is compared with.
+    measured : sequence of MeasuredSensor
+        What the sensors measured; nothing is shown of it without.
 
     Returns
     -------
@@ -167,6 +179,9 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
     spells = run.refusal_spells()
     each = _each(run.listed)
     plots = plots_over_time(run, rows, label, spells)
+    if measured:
+        margin = max((plot["layout"]["margin"]["l"] for plot in plots.values()), default=0)
+        plots["measured"] = measured_plot(run, measured, margin)
     plots["sphere"] = sphere_plot(bool(run.compared.any()), label)
     data = {"plots": plots, "frames": sphere_frames(run, shown), "dropped": each}
     compares = summary["compared_with"] is not None
@@ -184,6 +199,7 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         "bands_note": _bands_note(run) + _shaded(plots.get("bands")),
         "size_hidden": "" if "size" in plots else "hidden",
         "bands_hidden": "" if "bands" in plots else "hidden",
+        "measured_hidden": "" if measured else "hidden",
         "strip_hidden": "" if "strip" in plots else "hidden",
         "strip_heading": _strip_heading(run, spells),
         "strip_key": _strip_key(run),

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from elliptude.report import figures
-from elliptude.report.estimated import drawn, measured
+from elliptude.report.estimated import curves, drawn, measured
 
 
 def samples(count, piece):
@@ -68,3 +68,20 @@ def test_a_panel_has_the_axes_the_gap_and_the_marks():
     assert lines[drawn.LEFT_OUT].get_xdata().tolist() == [1.0, 2.0]
     (shade,) = [one for one in panel.collections if one.get_label() == drawn.NO_SAMPLE]
     assert shade.get_paths()[0].get_extents().x0 == times[449]
+
+
+def test_the_page_has_a_panel_for_each_sensor():
+    """With the same extremes, a gap without a line, and marks below the curves."""
+    _, values, kept = samples(900, 900)
+    sensor = measured.MeasuredSensor("magnetometer", "µT", *kept.with_gaps(), np.array([1.0, 2.0]))
+    gyro = measured.MeasuredSensor("gyro", "deg/s", *kept.with_gaps(), np.empty(0))
+    plot = curves.measured_plot(SimpleNamespace(times=np.array([0.0, 10.0])), [gyro, sensor])
+    assert plot["layout"]["yaxis2"]["title"]["text"] == "magnetometer<br>(µT)"
+    assert [trace["name"] for trace in plot["data"] if trace.get("showlegend")] == ["x", "y", "z", drawn.LEFT_OUT]
+    y = [trace for trace in plot["data"] if trace["name"] == "y"]
+    assert [min(one for one in trace["y"] if one is not None) for trace in y] == [values[:, 1].min()] * 2
+    assert None in y[1]["y"]
+    (marks,) = [trace for trace in plot["data"] if trace["name"] == drawn.LEFT_OUT]
+    assert marks["yaxis"] == "y2"
+    assert max(marks["y"]) < values.min()
+    assert [shape["yref"] for shape in plot["layout"]["shapes"]] == ["y domain", "y2 domain"]
