@@ -3,7 +3,7 @@
 import dataclasses
 import json
 import shlex
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -20,6 +20,7 @@ from elliptude.cli.columns import in_words as columns_in_words
 from elliptude.cli.columns import state_field, stated_reading, tables_of
 from elliptude.cli.options import LOG_HELP, Force, Repair, quantity
 from elliptude.cli.outputs import CONFIGURATION, require_outputs
+from elliptude.cli.progress import steps
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.rules import Carried
@@ -211,39 +212,37 @@ def bounds(
     configuration = mapping.configuration_of(tables, stated_in)
     carried = configuration.carried or "hand"
     mode = _mode(mode, tables)
-    repaired = logs.faults_of(source, configuration) if configuration.timing.repair else Survey()
-    recording, origin = mapping.read_recording(source, configuration)
-    _require_gravity(recording, configuration, source)
-    heard = _look(source, configuration, recording, refuse=out is not None or rule is not None)
-    if not reference:
-        recording = dataclasses.replace(recording, attitudes=None)
-    with _naming(source):
-        proposed = proposals.propose(recording)
+    with steps(Console(stderr=True), 4) as step:
+        refuse = out is not None or rule is not None
+        repaired, recording, origin, heard = _recorded(source, configuration, step, refuse=refuse, reference=reference)
+        step("Proposing")
+        with _naming(source):
+            proposed = proposals.propose(recording)
+            if out is not None:
+                document = starting_configuration(
+                    tables,
+                    proposed,
+                    margin,
+                    mode=mode,
+                    log=source.name,
+                    origin=origin,
+                    shared_stamps=recording.shared_stamps,
+                    shared_forces=recording.shared_forces,
+                    carried=carried,
+                )
         if out is not None:
-            document = starting_configuration(
-                tables,
-                proposed,
-                margin,
-                mode=mode,
-                log=source.name,
-                origin=origin,
-                shared_stamps=recording.shared_stamps,
-                shared_forces=recording.shared_forces,
-                carried=carried,
-            )
-    if out is not None:
-        validate(stated_in, document.unwrap(), Configuration)
-        _write(out, document)
-    if rule is not None:
-        _write(rule, rule_document(proposed, margin, source.name, carried))
-    ruled = rule_tables(proposed, margin, carried=carried, own_rest=own_rest_of(tables))
-    found = suspicions.of_rule(numbers_of(ruled), stated="proposed", carried=carried)
-    suspicious = [*map(str, found), *heard.suspicious]
-    no_rule, says = None, list[str]()
-    if mode == "guaranteed" and "rule" not in tables:
-        no_rule = why_no_rule({"estimator": {"mode": mode}} | tables, ruled, proposed, recording.shared_stamps)
-        says = [*what_it_says(numbers_of(ruled), proposed), *between_samples(proposed, carried)]
-    up = _up_at_rest(recording, origin, proposed.rest_limits or None)
+            validate(stated_in, document.unwrap(), Configuration)
+            _write(out, document)
+        if rule is not None:
+            _write(rule, rule_document(proposed, margin, source.name, carried))
+        ruled = rule_tables(proposed, margin, carried=carried, own_rest=own_rest_of(tables))
+        found = suspicions.of_rule(numbers_of(ruled), stated="proposed", carried=carried)
+        suspicious = [*map(str, found), *heard.suspicious]
+        no_rule, says = None, list[str]()
+        if mode == "guaranteed" and "rule" not in tables:
+            no_rule = why_no_rule({"estimator": {"mode": mode}} | tables, ruled, proposed, recording.shared_stamps)
+            says = [*what_it_says(numbers_of(ruled), proposed), *between_samples(proposed, carried)]
+        up = _up_at_rest(recording, origin, proposed.rest_limits or None)
     if as_json:
         summary = {"log": str(source), "note": _NOTE, "margin": margin} | summarize(proposed)
         summary |= {"implausible": heard.ignored, "suspicious": suspicious, "repaired": repaired.to_dict()}
@@ -266,6 +265,20 @@ def bounds(
 def _require_outputs(out: Path | None, rule: Path | None, *, force: bool, read: list[Path | None]) -> None:
     written = [path for path in (out, rule) if path is not None]
     require_outputs(written, force=force, read=read, endings=dict.fromkeys(written, CONFIGURATION))
+
+
+def _recorded(
+    source: NamedFile, configuration: Configuration, step: Callable[[str], None], *, refuse: bool, reference: bool
+) -> tuple[Survey, Recording, float, plausibility.Heard]:
+    """What was repaired, the recording and its first time, and what contradicts itself in it."""
+    step("Looking for faults")
+    repaired = logs.faults_of(source, configuration) if configuration.timing.repair else Survey()
+    step("Reading")
+    recording, origin = mapping.read_recording(source, configuration)
+    step("Looking at the sensors")
+    _require_gravity(recording, configuration, source)
+    heard = _look(source, configuration, recording, refuse=refuse)
+    return repaired, recording if reference else dataclasses.replace(recording, attitudes=None), origin, heard
 
 
 def _require_gravity(recording: Recording, configuration: Configuration, log: NamedFile) -> None:

@@ -14,6 +14,7 @@ from elliptude.calibration import calibrate as calibrating
 from elliptude.calibration.calibrate import Found, FoundGyro, counted
 from elliptude.cli.options import LOG_HELP, Force, Repair, quantity, with_repair
 from elliptude.cli.outputs import CONFIGURATION, require_outputs
+from elliptude.cli.progress import steps
 from elliptude.configuration.calibration import (
     STRONGEST_FIELD_UT,
     Calibration,
@@ -45,7 +46,9 @@ def check(
     Exit code 1 if there is an error; warnings are for people to look at.
     """
     source = recording(log)
-    report = checks.check(source, with_repair(read_configuration(config), repair))
+    with steps(Console(stderr=True), 1) as step:
+        step("Checking")
+        report = checks.check(source, with_repair(read_configuration(config), repair))
     if as_json:
         typer.echo(
             json.dumps({"log": str(source), "config": str(config)} | report.to_dict(), indent=2, ensure_ascii=False)
@@ -173,12 +176,15 @@ def calibrate(
             f"{config}: rule: missing; calibrate needs one, which says what a rest is and what the gyro does"
         )
     source = recording(log)
-    pieces = plausibility.plausible_pieces(logs.read_pieces(source, configuration), configuration, str(source))
-    samples = logs.joined(list(pieces))
-    try:
-        found = calibrating.calibrate(samples, configuration, known)
-    except ValueError as error:
-        raise FileError(f"{source}: {error}") from error
+    with steps(Console(stderr=True), 2) as step:
+        step("Reading")
+        pieces = plausibility.plausible_pieces(logs.read_pieces(source, configuration), configuration, str(source))
+        samples = logs.joined(list(pieces))
+        try:
+            step("Calibrating")
+            found = calibrating.calibrate(samples, configuration, known)
+        except ValueError as error:
+            raise FileError(f"{source}: {error}") from error
     calibration = Calibration(
         recording=source.name,
         recording_sha256=calibrating.sha256_of(Path(source)),

@@ -2,6 +2,8 @@
 
 import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Self
 
 from rich.console import Console
@@ -42,6 +44,35 @@ def progress_with_time_left(console: Console) -> Progress:
     columns = [TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()]
     # The speed is that of the last minutes: pieces differ in length.
     return _made(console, [*columns, TimeElapsedColumn(), TimeRemainingColumn()], speed_estimate_period=300.0)
+
+
+@contextmanager
+def steps(console: Console, total: int) -> Iterator[Callable[[str], None]]:
+    """How many steps of a command are done, and the time left; a bar disappears at the end.
+
+    Parameters
+    ----------
+    console : rich.console.Console
+    total : int
+        Steps, which take alike long as far as is known.
+
+    Yields
+    ------
+    callable
+        To be called with what the next step does, when it begins.
+    """
+    with progress_with_time_left(console) as progress:
+        task = progress.add_task("", total=total, visible=False)
+        begun = 0
+
+        def step(what: str) -> None:
+            nonlocal begun
+            begun += 1
+            said = f"{what} (step {begun} of {total})" if total > 1 else what
+            progress.update(task, description=said, completed=begun - 1, visible=True)
+
+        yield step
+        progress.update(task, completed=total)
 
 
 def _made(console: Console, columns: list[ProgressColumn], speed_estimate_period: float = 30.0) -> Progress:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
 import typer
+from rich.console import Console
 
 from elliptude.cli.options import (
     LOG_HELP,
@@ -20,6 +21,7 @@ from elliptude.cli.options import (
     with_repair,
 )
 from elliptude.cli.outputs import PAGE, RECORDING, require_outputs
+from elliptude.cli.progress import steps
 from elliptude.configuration.configuration import read_configuration
 from elliptude.estimation.sizes_in_words import LARGEST_ANGLE, mean_and_most
 from elliptude.io.spool import recording
@@ -72,17 +74,21 @@ def make_report(
     require_outputs(files, force=force, folder=pictures, read=read, endings={out: PAGE})
     if reference is None:
         _require_none_of_reference("--config", config, reference_error_deg)
-    run, read_label = read_run(result)
-    run = replace(run, axes=axes)
-    if reference is not None:
-        run, read_label = _against(run, reference, config, largest_gap_s, reference_error_deg)
-    label, title = label or read_label, title or _title(run, result)
-    from elliptude.report import page  # imports Matplotlib, which would slow every command
+    with steps(Console(stderr=True), 3) as step:
+        step("Reading")
+        run, read_label = read_run(result)
+        run = replace(run, axes=axes)
+        if reference is not None:
+            run, read_label = _against(run, reference, config, largest_gap_s, reference_error_deg)
+        label, title = label or read_label, title or _title(run, result)
+        step("Writing the page")
+        from elliptude.report import page  # imports Matplotlib, which would slow every command
 
-    summary = page.write_report(run, out, title, label=label)
-    if pictures is not None:
-        pictures.mkdir(parents=True, exist_ok=True)
-        files = [out, *_write_pictures(run, pictures, title, label)]
+        summary = page.write_report(run, out, title, label=label)
+        step("Drawing")
+        if pictures is not None:
+            pictures.mkdir(parents=True, exist_ok=True)
+            files = [out, *_write_pictures(run, pictures, title, label)]
     if as_json:
         typer.echo(json.dumps(summary | {"report": str(out)}, indent=2, ensure_ascii=False))
         return

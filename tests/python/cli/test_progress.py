@@ -6,7 +6,7 @@ import time
 
 import pytest
 from elliptude.cli import progress
-from elliptude.cli.progress import progress_on, progress_with_time_left
+from elliptude.cli.progress import progress_on, progress_with_time_left, steps
 from rich.console import Console
 
 
@@ -97,3 +97,21 @@ def test_times(seconds, text):
 
 def test_on_a_terminal_it_is_a_bar():
     assert type(progress_on(Console(file=io.StringIO(), force_terminal=True))).__name__ == "Progress"
+
+
+def test_steps_are_counted_and_named(soon):
+    """The share is that of the steps that are done."""
+    file = io.StringIO()
+    with steps(Console(file=file), 2) as step:
+        step("Reading")
+        until(lambda: "Reading (step 1 of 2) 0%" in file.getvalue())
+        step("Judging")
+        until(lambda: "Judging (step 2 of 2) 50%" in file.getvalue())
+
+
+def test_a_single_step_has_no_number(soon):
+    file = io.StringIO()
+    with steps(Console(file=file), 1) as step:
+        step("Checking")
+        until(lambda: "Checking 0%" in file.getvalue())
+    assert "step" not in file.getvalue()

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from elliptude.cli.options import LOG_HELP, Force, LargestGap, ReferenceErrorDeg, TruthConfig, quantity, reference_error
 from elliptude.cli.outputs import require_outputs
+from elliptude.cli.progress import steps
 from elliptude.configuration.configuration import read_configuration
 from elliptude.io.files import FileError
 from elliptude.io.spool import recording
@@ -90,28 +91,32 @@ def compare(
     other = recording(reference)
     configuration = None if config is None else read_configuration(config)
     error_deg, source = reference_error(reference_error_deg, configuration)
-    run, _ = read_run(result)
-    truth = None if configuration is None else configuration.truth
-    choices = readings_of(truth)
-    try:
-        attitudes = read_reference(other, configuration, origin=run.origin)
-        compared = comparison.compare(
-            run,
-            attitudes,
-            largest_gap=largest_gap_s,
-            reference_error=math.radians(error_deg),
-            alignment=align,
-        )
-        # Frames that are aligned may be any: turns alone show how the columns are to be read.
-        turned = run if align == "none" else replace(run, heading_from_start=True)
-        misread = comparison.misread_reference(turned, attitudes, choices, largest_gap=largest_gap_s)
-        summary = compared.to_dict()
-        if delta_rows is not None or delta_s is not None:
-            summary["relative"] = comparison.relative_figures(
-                compared, rows=delta_rows, seconds=delta_s, all_pairs=all_pairs
+    with steps(Console(stderr=True), 3) as step:
+        step("Reading the result")
+        run, _ = read_run(result)
+        truth = None if configuration is None else configuration.truth
+        choices = readings_of(truth)
+        try:
+            step("Reading the reference")
+            attitudes = read_reference(other, configuration, origin=run.origin)
+            step("Comparing")
+            compared = comparison.compare(
+                run,
+                attitudes,
+                largest_gap=largest_gap_s,
+                reference_error=math.radians(error_deg),
+                alignment=align,
             )
-    except ValueError as error:
-        raise FileError(f"{result}, {other}: {error}") from error
+            # Frames that are aligned may be any: turns alone show how the columns are to be read.
+            turned = run if align == "none" else replace(run, heading_from_start=True)
+            misread = comparison.misread_reference(turned, attitudes, choices, largest_gap=largest_gap_s)
+            summary = compared.to_dict()
+            if delta_rows is not None or delta_s is not None:
+                summary["relative"] = comparison.relative_figures(
+                    compared, rows=delta_rows, seconds=delta_s, all_pairs=all_pairs
+                )
+        except ValueError as error:
+            raise FileError(f"{result}, {other}: {error}") from error
     written: tuple[Path, ...] = ()
     if tum is not None:
         tum.mkdir(parents=True, exist_ok=True)

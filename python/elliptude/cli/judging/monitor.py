@@ -14,6 +14,7 @@ from rich.table import Table
 
 from elliptude.cli.options import LOG_HELP, EstimateLargestGap, Force, SummaryAsJson, quantity
 from elliptude.cli.outputs import SUMMARY, require_outputs
+from elliptude.cli.progress import steps
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.configuration.references import from_enu
 from elliptude.estimation.estimator import PieceEstimator
@@ -103,43 +104,47 @@ def monitor(
     source, other = recording(log), recording(estimate)
     if source.argument == other.argument == STANDARD_INPUT:
         raise typer.BadParameter("only one of LOG and --estimate can be a pipe", param_hint="--estimate")
-    run, configuration = _judge(source, config)
-    frame = _frame_of_sets(frame, configuration)
-    described = None if estimate_config is None else read_configuration(estimate_config)
-    truth = None if described is None else described.truth
-    choices = readings_of(truth)
-    attitudes = read_reference(other, described, origin=run.origin)
-    free = heading_free or run.heading_from_start
-    has_other_frame = free or estimate_frame is not None
-    try:
-        seen_by = replace(run, heading_from_start=True) if has_other_frame else run
-        misread = comparison.misread_reference(
-            seen_by, attitudes, choices, largest_gap=largest_gap_s, against="the centers of the sets"
-        )
-        if estimate_frame is not None:
-            attitudes = monitored.in_frame(attitudes, _turn(estimate_frame, frame))
-        found = monitored.judge(
-            run,
-            attitudes,
-            has_vertical=frame is not None or run.tilt_bounds is not None,
-            heading="free" if free else "same",
-            limits=limits,
-            largest_gap=largest_gap_s,
-        )
-    except ValueError as error:
-        raise FileError(f"{source}, {other}: {error}") from error
-    summary = {
-        "log": str(source),
-        "estimate": str(other),
-        "time_origin_s": run.origin,
-        "turn_within_offset_deg": _largest_deg(run.clock_turns),
-        "bounds_from_recording": run.bounds_from_recording,
-        "heading_of_sets": _heading_of_sets(run, source, configuration),
-        "estimate_misread": misread,
-        "hint": monitored.hint(found),
-    } | found.to_dict()
-    if out is not None:
-        _write_monitored(found, out, files, source.name, other.name, summary)
+    with steps(Console(stderr=True), 3) as step:
+        step("Estimating the sets")
+        run, configuration = _judge(source, config)
+        frame = _frame_of_sets(frame, configuration)
+        described = None if estimate_config is None else read_configuration(estimate_config)
+        truth = None if described is None else described.truth
+        choices = readings_of(truth)
+        step("Reading the estimate")
+        attitudes = read_reference(other, described, origin=run.origin)
+        free = heading_free or run.heading_from_start
+        has_other_frame = free or estimate_frame is not None
+        try:
+            step("Judging")
+            seen_by = replace(run, heading_from_start=True) if has_other_frame else run
+            misread = comparison.misread_reference(
+                seen_by, attitudes, choices, largest_gap=largest_gap_s, against="the centers of the sets"
+            )
+            if estimate_frame is not None:
+                attitudes = monitored.in_frame(attitudes, _turn(estimate_frame, frame))
+            found = monitored.judge(
+                run,
+                attitudes,
+                has_vertical=frame is not None or run.tilt_bounds is not None,
+                heading="free" if free else "same",
+                limits=limits,
+                largest_gap=largest_gap_s,
+            )
+        except ValueError as error:
+            raise FileError(f"{source}, {other}: {error}") from error
+        summary = {
+            "log": str(source),
+            "estimate": str(other),
+            "time_origin_s": run.origin,
+            "turn_within_offset_deg": _largest_deg(run.clock_turns),
+            "bounds_from_recording": run.bounds_from_recording,
+            "heading_of_sets": _heading_of_sets(run, source, configuration),
+            "estimate_misread": misread,
+            "hint": monitored.hint(found),
+        } | found.to_dict()
+        if out is not None:
+            _write_monitored(found, out, files, source.name, other.name, summary)
     if as_json:
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
     else:
