@@ -269,7 +269,7 @@ def _require_outputs(out: Path | None, rule: Path | None, *, force: bool, read: 
 
 def _recorded(
     source: NamedFile, configuration: Configuration, step: Callable[[str], None], *, refuse: bool, reference: bool
-) -> tuple[Survey, Recording, float, plausibility.Heard]:
+) -> tuple[Survey, Recording, int, plausibility.Heard]:
     """What was repaired, the recording and its first time, and what contradicts itself in it."""
     step("Looking for faults")
     repaired = logs.faults_of(source, configuration) if configuration.timing.repair else Survey()
