@@ -199,6 +199,7 @@ def write_report(
         "bands_note": _bands_note(run) + _shaded(plots.get("bands")),
         "size_hidden": "" if "size" in plots else "hidden",
         "bands_hidden": "" if "bands" in plots else "hidden",
+        "measured_note": "Where it is grey, there was no sample." if any(one.gaps for one in measured) else "",
         "measured_hidden": "" if measured else "hidden",
         "strip_hidden": "" if "strip" in plots else "hidden",
         "strip_heading": _strip_heading(run, spells),
