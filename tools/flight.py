@@ -117,6 +117,14 @@ def symbols(image: Path) -> set[str]:
     return {line.split()[-1] for line in run("arm-none-eabi-nm", "--defined-only", image).splitlines()}
 
 
+def core_bytes(image: Path) -> int:
+    """Of an image's code, what functions and tables of the core and of Eigen have that are not inlined elsewhere."""
+    rows = (line.split(None, 3) for line in run("arm-none-eabi-nm", "-S", "--demangle", image).splitlines())
+    sized = {(row[0], row[1]): row[3] for row in rows if len(row) == 4 and row[2] not in "bBdD"}
+    names = ((name, int(size, 16)) for (_, size), name in sized.items() if "flight::" not in name)
+    return sum(size for name, size in names if "elliptude::" in name or "Eigen::" in name)
+
+
 def figures(target: str, program: str) -> dict[str, int]:
     """What a program costs on a target, by name."""
     image = BUILD / target / program
@@ -139,6 +147,7 @@ def figures(target: str, program: str) -> dict[str, int]:
         "frame": largest_frame(target, program),
         "filter": int(said(output, "size")[0][0]),
         "code": size[".text"],
+        "core": core_bytes(image),
         "data": size.get(".data", 0),
     }
 

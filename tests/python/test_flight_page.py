@@ -46,13 +46,32 @@ def test_the_limits_are_those_of_the_header() -> None:
     assert stated == defaults
 
 
-def test_the_figures_of_the_page_are_the_limits() -> None:
+def read_limits() -> dict[tuple[str, str], int]:
     lines = (ROOT / "cpp" / "examples" / "bare_metal" / "limits.txt").read_text(encoding="utf-8").splitlines()
-    limits = {(row[0], row[1]): int(row[2]) for row in map(str.split, lines) if row[0] != "#"}
+    return {(row[0], row[1]): int(row[2]) for row in map(str.split, lines) if row[0] != "#"}
+
+
+def test_the_figures_of_the_page_are_the_limits() -> None:
+    limits = read_limits()
     table = table_of("What it costs")
     assert {row[0].strip("`") for row in table} == {name for name, _ in limits}
     columns = ["rows", "predict_mean", "predict_most", "update_mean", "update_most"]
-    columns += ["predict_stack", "update_stack", "frame", "filter", "code"]
+    columns += ["predict_stack", "update_stack", "frame", "filter", "code", "core"]
     for row in table:
         numbers = [int(cell.replace(" ", "")) for cell in row[1:]]
         assert numbers == [limits[row[0].strip("`"), column] for column in columns]
+
+
+def test_what_the_page_has_chosen_is_what_is_measured() -> None:
+    limits = read_limits()
+    settings = (ROOT / "cpp" / "examples" / "bare_metal" / "CMakeLists.txt").read_text(encoding="utf-8")
+    chosen = [row for row in table_of("Less code") if row[0].startswith("**")]
+    assert len(chosen) == 2
+    for name, unrolled, forced, *figures in chosen:
+        program = name.strip("*`")
+        image = f"m7/{program}"
+        cycle = limits[image, "predict_mean"] + limits[image, "update_mean"]
+        numbers = [int(figure.replace(" ", "")) for figure in figures]
+        assert numbers == [limits[image, "code"], cycle, limits[image, "frame"]]
+        assert f"set(most_unrolled_{program} {unrolled})" in settings
+        assert (f"set(inlining_{program} " in settings) == (forced == "yes")

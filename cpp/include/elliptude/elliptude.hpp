@@ -9,6 +9,7 @@
 #include "elliptude/base/limits.hpp"
 #include "elliptude/base/out_of_line.hpp"
 #include "elliptude/base/status.hpp"
+#include "elliptude/base/unrolling.hpp"
 #include "elliptude/base/seal.hpp"
 #include "elliptude/base/interruption.hpp"
 #include "elliptude/base/elementary.hpp"

@@ -9,6 +9,9 @@
 /// functions below that the code it meets calls. A pack's comparisons return a mask, for which `select(mask, a, b)`,
 /// `all_of(mask)` and the logical operators must exist; a status for a pack is `ok` only if every lane is.
 
+#include "elliptude/base/unrolling.hpp"
+
+// Eigen reads what that header sets.
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <array>

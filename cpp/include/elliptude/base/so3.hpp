@@ -8,6 +8,9 @@
 /// where nothing cancels. One threshold then serves every scalar type, no function loses digits anywhere, and
 /// derivatives taken through them (by a dual scalar) are as good as the values.
 
+#include "elliptude/base/unrolling.hpp"
+
+// Eigen reads what that header sets.
 #include <Eigen/LU>
 #include <cstdint>
 
