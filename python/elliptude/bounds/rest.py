@@ -162,6 +162,24 @@ def _deviations(
     return deviations, lengths
 
 
+def mean_over_time(times: FloatArray, vectors: FloatArray) -> FloatArray:
+    """The mean over time of vectors on lines between rows, however far these are apart; of one row, the row.
+
+    Parameters
+    ----------
+    times : (N,) array
+        s, increasing.
+    vectors : (N, 3) array
+
+    Returns
+    -------
+    (3,) array
+    """
+    duration = float(times[-1] - times[0])
+    mean: FloatArray = running_sum(np.diff(times), vectors)[-1] / duration if duration > 0.0 else vectors[0]
+    return mean
+
+
 def mean_at_rest(
     times: FloatArray, vectors: FloatArray, sensor: VectorSensorBounds, *, longest_step: float = np.inf
 ) -> tuple[FloatArray, float, float]:
@@ -193,7 +211,7 @@ def mean_at_rest(
     if not lasted > 0.0:
         return vectors[there].mean(axis=0), error, 0.0
     run = slice(int(firsts[longest]), int(lasts[longest]) + 1)
-    mean: FloatArray = running_sum(np.diff(times[run]), vectors[run])[-1] / lasted
+    mean = mean_over_time(times[run], vectors[run])
     # As many additions lose of the mean.
     lost = float(np.finfo(np.float64).eps) * (len(vectors) + 20.0) * float(np.linalg.norm(mean))
     return mean, error + lost, lasted

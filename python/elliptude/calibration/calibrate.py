@@ -10,6 +10,7 @@ import numpy as np
 
 from elliptude import units
 from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.rest import mean_over_time
 from elliptude.bounds.samples import angle_to_center
 from elliptude.bounds.stamps import time_offset_angles
 from elliptude.calibration.gyro import GyroSet, Turn, gyro_set
@@ -309,7 +310,7 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
     accelerometer = next(i for i, sensor in enumerate(configuration.directions) if isinstance(sensor, Accelerometer))
     forces, forces_at = log.directions[:, accelerometer], log.sampled(accelerometer)
     rest = rest_at_start(rule.rest, log.times, log.rates, forces, gyro)
-    rates = log.rates - log.rates[rest].mean(axis=0)
+    rates = log.rates - mean_over_time(log.times[rest], log.rates[rest])
     gyro = after_rest(gyro, log.times[rest])
     rests = _rests(log, rule, forces, statements.accelerometer)
     found: list[Found | FoundGyro] = []

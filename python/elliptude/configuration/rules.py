@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from elliptude.bounds.gyro import GyroBounds, longest_interval_of
-from elliptude.bounds.rest import mean_at_rest, rest_rows, why_no_rest
+from elliptude.bounds.rest import mean_at_rest, mean_over_time, rest_rows, why_no_rest
 from elliptude.bounds.samples import (
     AVERAGED_OVER_S,
     DirectionBounds,
@@ -367,7 +367,7 @@ def apply_rule(
         longest_interval = longest_interval_of(np.diff(stamps), rule.gyro.longest_interval_s)
     gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest_interval)
     rest = rest_at_start(rule.rest, stamps, rates, forces, gyro)
-    bias = rates[rest].mean(axis=0)
+    bias = mean_over_time(stamps[rest], rates[rest])
     rates = rates - bias
     gyro = after_rest(gyro, stamps[rest])
     step = min(10.0 * float(np.median(np.diff(stamps))), longest_interval)

@@ -66,6 +66,20 @@ def test_the_bias_of_a_rest_is_known_at_none_of_its_instants():
     assert (left <= gyro.bias - 1e-4 + drift * (later - times[0]) + 1e-12).all()
 
 
+def test_the_bias_is_a_mean_over_time_however_far_rows_are_apart():
+    """A thousand rows in the second second, ten in the first: the mean over rows is of the second alone."""
+    drift, least = np.deg2rad(0.1), 2.0
+    times = np.concatenate([0.1 * np.arange(10), 1.0 + 0.001 * np.arange(1000), 2.0 + 0.01 * np.arange(400)])
+    rule = rule_with(gyro={"drift_deg_per_s2": 0.1, "bias_deg_per_s": 1e-6, "longest_interval_s": 0.11})
+    rates = np.outer(drift * times, [1.0, 0.0, 0.0])
+    found = apply_rule(rule, times, rates, np.tile(UP, (len(times), 1)))
+    assert times[found.rest_at_start][-1] == pytest.approx(least)
+    assert found.bias[0] == pytest.approx(0.5 * drift * least, rel=1e-6)
+    # What is left of it at the first row is within what is stated, and comes to it.
+    assert np.linalg.norm(found.bias) == pytest.approx(found.gyro.bias, rel=1e-3)
+    assert np.linalg.norm(found.bias) <= found.gyro.bias
+
+
 def test_the_heading_of_a_still_body_whose_bias_drifts():
     """The rates are the drift alone; the heading that they add up to is within the bound of the turns."""
     times, drift = 0.01 * np.arange(2000), np.deg2rad(0.1)
