@@ -66,7 +66,7 @@ from elliptude.configuration.estimator import (
     RuleFile,
     StatedRule,
 )
-from elliptude.configuration.motion import GyroFlow, RigidBodyFlow
+from elliptude.configuration.motion import EARTHS_FRAMES, GyroFlow, RigidBodyFlow
 from elliptude.configuration.rest_reference import why_rest_is_open
 from elliptude.configuration.rules import Carried, Rule
 from elliptude.configuration.sensors import (
@@ -276,10 +276,13 @@ class Configuration(Model):
                 or isinstance(reference, WorldModel)
                 or by_gravity
             )
-            if on_earth and self.reference_frame not in {"ENU", "NED", "NWU"}:
+            if on_earth and self.reference_frame not in EARTHS_FRAMES:
                 raise ValueError(f"directions[{i}] ({sensor.name}) needs reference_frame = 'ENU', 'NED' or 'NWU'")
             if isinstance(reference, SunByTime) and self.reference_frame != "J2000":
                 raise ValueError(f"directions[{i}] ({sensor.name}): the Sun by time needs reference_frame = 'J2000'")
+        is_guaranteed = self.estimator.mode == "guaranteed" and self.rule is None
+        if is_guaranteed and isinstance(self.flow, GyroFlow) and self.reference_frame in EARTHS_FRAMES:
+            self.flow.require_earth_rate()
         return self
 
     def stated(self) -> Stated:

@@ -1,7 +1,7 @@
 """How the body moves, as a configuration states it: a rigid body under torques, or a gyro."""
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, TypeAlias
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -29,6 +29,41 @@ from elliptude.io.toml import (
     SizedBound,
     Vector,
 )
+
+EARTH_RATE_DEG_PER_S = 0.0042
+"""How fast the Earth turns, 360 degrees in 86164 s, rounded up."""
+EARTHS_FRAMES = frozenset({"ENU", "NED", "NWU"})
+"""Reference frames that turn with it."""
+EarthRate: TypeAlias = Literal["removed"]
+"""That the Earth's turn was taken off the rates."""
+
+
+def require_earth_rate(
+    earth_rate: EarthRate | None, bias: float, noise: float, adds_up: float | None, *, place: str
+) -> None:
+    """Refuse bounds of a gyro that the Earth's turn alone breaks.
+
+    Parameters
+    ----------
+    earth_rate : "removed", optional
+    bias, noise : float
+        deg/s.
+    adds_up : float, optional
+        deg; what the noise adds up to at most. With such a bound the Earth's turn is no part of the noise.
+    place : str
+        The table, for the message.
+
+    Raises
+    ------
+    ValueError
+    """
+    covered = bias + (noise if adds_up is None else 0.0)
+    if earth_rate is None and covered < EARTH_RATE_DEG_PER_S:
+        raise ValueError(
+            f"{place}: in axes of the Earth a gyro shows that these turn, by {EARTH_RATE_DEG_PER_S} deg/s, which is "
+            f"more than its bounds allow ({covered:.3g}): add it to bias_deg_per_s, or state earth_rate = 'removed' if "
+            "it was taken off"
+        )
 
 
 class RigidBodyFlow(Model):
@@ -117,6 +152,8 @@ class GyroFlow(Timed):
     noise_turn_deg: PositiveSize | None = None
     noise_turn_growth_deg_per_s: Size | None = None
     anchor_s: PositiveSize | None = None
+    # Axes of the Earth turn with it, and a gyro shows that, unless it was taken off.
+    earth_rate: EarthRate | None = None
 
     @model_validator(mode="after")
     def _predicts_over_windows(self) -> Self:
@@ -151,6 +188,12 @@ class GyroFlow(Timed):
             largest_rate=math.inf if self.largest_rate_deg_per_s is None else math.radians(self.largest_rate_deg_per_s),
             angular_acceleration=math.radians(acceleration) if acceleration else math.inf,
         )
+
+    def require_earth_rate(self) -> None:
+        """Refuse bounds that the Earth's turn alone breaks; for axes that turn with it."""
+        assert self.noise_deg_per_s is not None  # the configuration's check
+        adds_up = self.increment_deg if self.noise_turn_deg is None else self.noise_turn_deg
+        require_earth_rate(self.earth_rate, self.bias_deg_per_s, self.noise_deg_per_s, adds_up, place="flow")
 
     def off_the_line(self, interval: float, drift: float = 0.0) -> float:
         """How far a rate between samples may be off because of the motion between them, rad/s; section 18.3.

@@ -34,6 +34,7 @@ from elliptude.bounds.windows import (
     field_bounds_over_windows,
     gravity_bounds_over_windows,
 )
+from elliptude.configuration.motion import EarthRate, require_earth_rate
 from elliptude.io.toml import Model, Number, PositiveSize, Size, load_toml, read_toml
 from elliptude.typing import FloatArray
 
@@ -84,15 +85,18 @@ class GyroRule(Model):
     increment_deg: PositiveSize | None = None
     noise_turn_deg: PositiveSize | None = None
     noise_turn_growth_deg_per_s: Size | None = None
+    earth_rate: EarthRate | None = None
     # As in `flow`, if there is no rule.
     longest_interval_s: PositiveSize | None = None
     largest_rate_deg_per_s: PositiveSize | None = None
     largest_angular_acceleration_deg_per_s2: PositiveSize | None = None
 
     @model_validator(mode="after")
-    def _grows_from_something(self) -> Self:
+    def _is_of_a_gyro_on_earth(self) -> Self:
         if self.noise_turn_growth_deg_per_s is not None and self.noise_turn_deg is None:
             raise ValueError("noise_turn_growth_deg_per_s needs noise_turn_deg, what it is added to")
+        adds_up = self.increment_deg if self.noise_turn_deg is None else self.noise_turn_deg
+        require_earth_rate(self.earth_rate, self.bias_deg_per_s, self.noise_deg_per_s, adds_up, place="gyro")
         return self
 
     def bounds(self) -> GyroBounds:

@@ -48,9 +48,7 @@ def test_estimate_says_why_a_star_tracker_alone_has_no_set(tmp_path):
     assert "nothing bounds the angular velocity before the first set" in why
     assert "flow.largest_rate_deg_per_s" in why
     first = " ".join(in_words.output.split())
-    assert first.startswith(
-        f"{tmp_path / 'log.npz'}: no row has a set: the set holds the attitude and the angular velo"
-    )
+    assert f"{tmp_path / 'log.npz'}: no row has a set: the set holds the attitude and the angular velo" in first
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
         "dropped.csv",
         "estimate.png",

@@ -146,7 +146,7 @@ template <typename State>
   const Scalar square_reach = stretch * stretch * ellipsoid.shape.template topLeftCorner<3, 3>().trace();
   const Scalar attitude_slip = rounding::share<Scalar>(rounding::center) * (Scalar(1) + square_reach);
   const Scalar vector_slip =
-      rounding::epsilon<Scalar>() * (vector_part(center).norm() + ellipsoid.center.template tail<3>().norm());
+      rounding::one_rounding<Scalar>() * (vector_part(center).norm() + ellipsoid.center.template tail<3>().norm());
   result = {moved, detail::with_attitude_added(covered_congruence(b, ellipsoid.shape), Scalar(e * stretch),
                                                attitude_slip, vector_slip)};
   return Status::ok;

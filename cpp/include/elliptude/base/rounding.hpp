@@ -175,7 +175,7 @@ template <typename Scalar>
 /// ε itself: what one rounding may be, relative to the number. Where no guarantee depends on it, what is smaller by this
 /// factor counts as nothing: the end of an iteration, an entry beside the diagonal, an angle at rest.
 template <typename Scalar>
-[[nodiscard]] Scalar epsilon() noexcept {
+[[nodiscard]] Scalar one_rounding() noexcept {
   return share<Scalar>(1);
 }
 
@@ -183,7 +183,7 @@ template <typename Scalar>
 /// after 97 days, in `double` never.
 template <typename Scalar>
 [[nodiscard]] bool tells_seconds(const Scalar& time) noexcept {
-  return scalar::abs(time) * epsilon<Scalar>() <= Scalar(1);
+  return scalar::abs(time) * one_rounding<Scalar>() <= Scalar(1);
 }
 
 /// √ε: half of the digits.
@@ -195,7 +195,7 @@ template <typename Scalar>
 /// ε².
 template <typename Scalar>
 [[nodiscard]] Scalar square() noexcept {
-  return epsilon<Scalar>() * epsilon<Scalar>();
+  return one_rounding<Scalar>() * one_rounding<Scalar>();
 }
 
 /// Whether numbers have the precision of `float`, or less.

@@ -28,7 +28,7 @@ template <typename Scalar>
     return Vector3<Scalar>(ha + ha.cross(c) + along * c - twice_inertia * c);
   };
   // The equation is quadratic in c: a change leaves a residual of at most its square times ‖h a‖.
-  const Scalar tolerance = scalar::constant<Scalar>(0.25L) * rounding::epsilon<Scalar>();
+  const Scalar tolerance = scalar::constant<Scalar>(0.25L) * rounding::one_rounding<Scalar>();
   // Once through the fixed point c = ½ J⁻¹ (h a + h a × c + h c (cᵀa)), which is cheaper than a step of Newton's
   // method.
   Vector3<Scalar> c = half_inverse * ha;
@@ -85,7 +85,7 @@ template <typename Scalar>
                                                    const Vector3<Scalar>& a, Matrix3<Scalar>& f) noexcept {
   const Vector3<Scalar> ha = h * a;
   const Matrix3<Scalar>& inertia = body.inertia();
-  const Scalar tolerance = scalar::constant<Scalar>(0.25L) * rounding::epsilon<Scalar>();
+  const Scalar tolerance = scalar::constant<Scalar>(0.25L) * rounding::one_rounding<Scalar>();
   const Scalar right_angle = scalar::constant<Scalar>(0.5L) * scalar::pi<Scalar>();
   Vector3<Scalar> x = body.inertia_inverse() * ha;
   constexpr int most_steps = 40;

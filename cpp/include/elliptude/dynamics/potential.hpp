@@ -322,7 +322,7 @@ class GradientPotential {
   }
   [[nodiscard]] Matrix3<Scalar> torque_jacobian(const Matrix3<Scalar>& attitude, const Scalar& time) const noexcept {
     // ε^(1/5), where truncation and rounding of the fourth-order difference are alike.
-    const Scalar step = scalar::exp(Scalar(scalar::log(rounding::epsilon<Scalar>()) / Scalar(5)));
+    const Scalar step = scalar::exp(Scalar(scalar::log(rounding::one_rounding<Scalar>()) / Scalar(5)));
     Matrix3<Scalar> jacobian;
     for (int j = 0; j < 3; ++j) {
       const Vector3<Scalar> axis = Vector3<Scalar>::Unit(j);

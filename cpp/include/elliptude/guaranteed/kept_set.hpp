@@ -18,7 +18,7 @@ struct FilterDomain {
   /// The largest angular velocity or bias, rad/s, half-width of its bounds, and half-width of γ.
   [[nodiscard]] static Scalar largest() noexcept { return scalar::constant<Scalar>(is_single ? 1e6L : 1e9L); }
   /// rad/s: bounds with smaller half-widths are used as if they were wider by no more than this.
-  [[nodiscard]] static Scalar least_width() noexcept { return rounding::epsilon<Scalar>(); }
+  [[nodiscard]] static Scalar least_width() noexcept { return rounding::one_rounding<Scalar>(); }
 };
 
 /// Whether an ellipsoid of the vector is within the domain; false of NaN.

@@ -75,7 +75,7 @@ class UpdateConstraints {
     const Scalar middle = n.dot(origin);
     const Scalar slip = rounding::share<Scalar>(rounding::component) * n.cwiseAbs().dot(origin.cwiseAbs());
     const auto lost = [&slip](const Scalar& value) {
-      return Scalar(slip + rounding::epsilon<Scalar>() * scalar::abs(value));
+      return Scalar(slip + rounding::one_rounding<Scalar>() * scalar::abs(value));
     };
     const Scalar from = middle + found.least;
     const Scalar to = middle + found.most;

@@ -38,7 +38,7 @@ template <typename Scalar, int N>
         const Scalar off = a(p, q);
         const Scalar diagonal = scalar::sqrt(scalar::abs(a(p, p))) * scalar::sqrt(scalar::abs(a(q, q)));
         const Scalar largest = a.cwiseAbs().maxCoeff();
-        if (scalar::abs(off) <= rounding::epsilon<Scalar>() * diagonal ||
+        if (scalar::abs(off) <= rounding::one_rounding<Scalar>() * diagonal ||
             scalar::abs(off) <= Scalar(std::numeric_limits<scalar::Value<Scalar>>::min()) ||
             scalar::abs(off) <= rounding::square<Scalar>() * largest) {
           continue;

@@ -31,7 +31,7 @@ template <typename Scalar, int N>
   const Scalar trace = gram.trace();
   const Scalar mean = trace / Scalar(N);
   const Scalar square = mean * mean;
-  if (!(square > Scalar(std::numeric_limits<Value>::min()) / rounding::epsilon<Scalar>())) {
+  if (!(square > Scalar(std::numeric_limits<Value>::min()) / rounding::one_rounding<Scalar>())) {
     // The squares are lost; the trace bounds it too.
     return scalar::sqrt(trace < Scalar(0) ? Scalar(-trace) : trace);
   }

@@ -26,7 +26,7 @@ namespace detail {
 template <typename Scalar>
 [[nodiscard]] Vector3<Scalar> second_vector(const Vector3<Scalar>& first, const Vector3<Scalar>& column,
                                             const Scalar& length) noexcept {
-  if (length > rounding::share<Scalar>(rounding::right_angle) * rounding::epsilon<Scalar>()) {
+  if (length > rounding::share<Scalar>(rounding::right_angle) * rounding::one_rounding<Scalar>()) {
     // A column this short may have passed the test for right angles at an angle.
     return (column - first.dot(column) * first).normalized();
   }

@@ -179,7 +179,7 @@ template <typename Scalar>
   const Scalar sine = normal.norm();
   const Scalar cosine = b.dot(predicted);
   Vector3<Scalar> offset = normal;
-  if (sine > rounding::epsilon<Scalar>()) {
+  if (sine > rounding::one_rounding<Scalar>()) {
     offset = (scalar::atan2(sine, cosine) / sine) * normal;
   } else if (cosine < Scalar(0)) {
     offset = scalar::atan2(Scalar(0), cosine) * across.col(0);

@@ -106,7 +106,7 @@ template <typename Scalar, int N>
   if (!(most + least >= Scalar(0))) {
     return Status::empty_intersection;
   }
-  const Scalar slip = rounding::epsilon<Scalar>();
+  const Scalar slip = rounding::one_rounding<Scalar>();
   const Scalar from = middle - least;
   const Scalar to = middle + most;
   extent = {from - slip * scalar::abs(from), to + slip * scalar::abs(to)};

@@ -46,7 +46,7 @@ template <typename State>
   const Scalar attitude_slip = slip * (Scalar(1) + square_reach);
   const Vector3<Scalar> offset = vector_part(set.center) - vector_part(center);
   const Scalar vector_slip =
-      rounding::epsilon<Scalar>() * (vector_part(set.center).norm() + vector_part(center).norm());
+      rounding::one_rounding<Scalar>() * (vector_part(set.center).norm() + vector_part(center).norm());
   Ellipsoid<Scalar, 6> result;
   result.center << Scalar(-2) * g, offset;
   result.shape = detail::with_attitude_added(shape, Scalar(e * stretch), attitude_slip, vector_slip);

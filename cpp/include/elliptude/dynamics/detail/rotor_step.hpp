@@ -102,11 +102,11 @@ class RotorStep {
     const Scalar forward = scalar::select(h < Scalar(0), Scalar(-1), Scalar(1));
     const Scalar unit_of_angle = forward * h * b.z();
     const Vector3<Scalar> angles = unit_of_angle * a;
-    const Scalar least = Scalar(std::numeric_limits<scalar::Value<Scalar>>::min()) / rounding::epsilon<Scalar>();
+    const Scalar least = Scalar(std::numeric_limits<scalar::Value<Scalar>>::min()) / rounding::one_rounding<Scalar>();
     const Scalar square = angles.squaredNorm();
     const auto rests = square <= least;
     const Scalar angle = scalar::sqrt(scalar::select(rests, least, square));
-    if (!scalar::all(angle * rounding::epsilon<Scalar>() <= Scalar(1))) {
+    if (!scalar::all(angle * rounding::one_rounding<Scalar>() <= Scalar(1))) {
       return Status::step_too_long;
     }
     const Scalar inverse_angle = Scalar(1) / angle;

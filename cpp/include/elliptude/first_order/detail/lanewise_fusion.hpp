@@ -137,7 +137,7 @@ template <typename Scalar, int N, typename Slack>
                                                 const Combination<Scalar, N>& at) noexcept {
   const Scalar q = share / (Scalar(1) - share);
   const Scalar condition = (problem.m.trace() + Scalar(N) * q) * at.inverse.trace();
-  return condition * condition * condition * rounding::epsilon<Scalar>() <= Scalar(1);
+  return condition * condition * condition * rounding::one_rounding<Scalar>() <= Scalar(1);
 }
 
 /// What `minimal_intersection` gives, in coordinates.

@@ -68,7 +68,7 @@ template <typename Scalar, int N>
   }
   const Scalar off = scalar::abs(Scalar(a(p, q)));
   const Scalar diagonal = scalar::sqrt(scalar::abs(Scalar(a(p, p)))) * scalar::sqrt(scalar::abs(Scalar(a(q, q))));
-  return !(off <= rounding::epsilon<Scalar>() * diagonal ||
+  return !(off <= rounding::one_rounding<Scalar>() * diagonal ||
            off <= Scalar(std::numeric_limits<scalar::Value<Scalar>>::min()) ||
            off <= rounding::square<Scalar>() * largest);
 }

@@ -290,7 +290,7 @@ class FilterUpdate {
       return {vector, seen.shape};
     }
     const Scalar slip =
-        rounding::epsilon<Scalar>() * scalar::sqrt(Scalar((vector.cwiseAbs() + shift.cwiseAbs()).squaredNorm()));
+        rounding::one_rounding<Scalar>() * scalar::sqrt(Scalar((vector.cwiseAbs() + shift.cwiseAbs()).squaredNorm()));
     return {vector + shift, enlarged(seen.shape, Matrix3<Scalar>((slip * slip) * Matrix3<Scalar>::Identity()))};
   }
 

@@ -126,7 +126,7 @@ class SetSolver {
         if ((selected & direction_bit(i)) != 0) {
           const Direction<Scalar>& direction = measurements.directions[i];
           // A weight is any positive number: within these no sum is lost.
-          const Scalar least = rounding::epsilon<Scalar>();
+          const Scalar least = rounding::one_rounding<Scalar>();
           const Scalar square = direction.bound.trace();
           const Scalar weight = square < least ? Scalar(Scalar(1) / least)
                                                : (square < Scalar(1) / least ? Scalar(Scalar(1) / square) : least);

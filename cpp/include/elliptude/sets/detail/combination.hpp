@@ -74,7 +74,7 @@ struct Problem {
   [[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool is_ill_conditioned(const Scalar& q,
                                                               const KeptCombination<Scalar, N>& at) const noexcept {
     const Scalar condition = (m.trace() + Scalar(N) * q) * at.inverse_trace;
-    return !(condition * condition * condition * rounding::epsilon<Scalar>() <= Scalar(1));
+    return !(condition * condition * condition * rounding::one_rounding<Scalar>() <= Scalar(1));
   }
 
   /// A q of the size of the quadric; zero if that says nothing.
