@@ -62,8 +62,8 @@ def document_of(
     for line in (
         f"Proposed by `elliptude bounds` from {log}. Bounds are what was seen in that recording, times {margin:g}.",
         "They guarantee nothing about another recording, or the next minute of this one. Replace each by a number for",
-        "which there is a reason, such as a datasheet or the size of the room. Bounds are lengths of vectors: a datasheet's",
-        "number for one axis counts 1.73 times, if each axis may be off by it.",
+        "which there is a reason, such as a datasheet or the size of the room. Bounds are lengths of vectors: what",
+        "a datasheet states for one axis counts 1.73 times, if each axis may be off by it.",
         *notes,
     ):
         document.add(tomlkit.comment(line))
