@@ -59,7 +59,7 @@ def test_json_is_the_same_on_any_number_of_processes_and_a_second_time(tmp_path,
         text=True,
     )
     assert side_by_side.stdout == first.stdout
-    assert side_by_side.stderr == ""
+    assert all(line.startswith("Validating ") for line in side_by_side.stderr.splitlines())
     monkeypatch.setattr(monte_carlo, "validate_chunk", None)  # nothing is left to do
     assert run("--out", tmp_path / "one", *options).stdout == first.stdout
 
