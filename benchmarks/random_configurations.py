@@ -116,8 +116,11 @@ def _changed_rule(of: _Drawn, rule: Tables) -> Tables:
     for key in ("noise_deg_per_s", "bias_deg_per_s", "scale_error"):
         gyro[key] = gyro[key] if of.maybe() else 0.0
     gyro["drift_deg_per_s2"] = of.size(1e-3, 0.05)
+    gyro["earth_rate"] = "removed"
     if of.maybe(0.5):
         gyro.pop("increment_deg", None)
+    if of.maybe(0.5):
+        gyro |= {"noise_turn_deg": of.among(0.05, 1.0), "noise_turn_growth_deg_per_s": of.size(1e-3, 0.3)}
     for name, keys in (
         ("accelerometer", ("gravity_error_m_per_s2", "error_m_per_s2", "averaged_error_m_per_s2", "scale_error")),
         ("magnetometer", ("disturbance_ut", "error_ut", "averaged_error_ut", "scale_error")),
@@ -177,6 +180,7 @@ def _gyro(of: _Drawn) -> Tables:
         "drift_deg_per_s2": of.size(1e-4, 0.1),
         "scale_error": of.size(1e-4, 0.1, 0.5),
         "known_bias_deg_per_s": of.one([0.0, 0.0, 0.0], [0.3, -2.0, 1.0]),
+        "earth_rate": "removed",
     }
     if flow["bias_deg_per_s"] > 0.0 and of.maybe(0.3):
         flow["estimate_bias"] = True
@@ -184,6 +188,8 @@ def _gyro(of: _Drawn) -> Tables:
         flow["anchor_s"] = of.one(0.3, 1.0, 4.0)
         if of.maybe(0.5):
             flow["increment_deg"] = of.among(0.01, 1.0)
+        if of.maybe(0.5):
+            flow |= {"noise_turn_deg": of.among(0.01, 1.0), "noise_turn_growth_deg_per_s": of.size(1e-3, 0.3)}
     if "anchor_s" not in flow and of.maybe(0.25):
         flow["angular_acceleration_deg_per_s2"] = of.among(10.0, 20000.0)
     if of.maybe(0.6):

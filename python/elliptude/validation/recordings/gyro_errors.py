@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude.typing import FloatArray
+from elliptude.validation.recordings.noise_turn import share_of_noise_turn
 from elliptude.validation.recordings.statements import Stated, StatedGyro, StatedRest
 from elliptude.validation.recordings.turning import Turning
 
@@ -198,6 +199,9 @@ def draw_gyro(
     scale = matrix_within(bounds.scale_error, kinds["scale"], draws)
     biases, drifts = _biases(gyro, kinds["bias"], times, attitudes, base, first, draws)
     at_samples, in_steps = _noise(gyro, kinds["noise"], times, attitudes, base, biases + drifts, resting, draws)
+    undo = np.asarray(np.linalg.inv(np.eye(3) + scale), dtype=np.float64)
+    if np.isfinite(bounds.noise_turn):
+        _limit_noise_turn(at_samples, in_steps, times, base, undo, gyro)
     raw = gyro.known_bias
     for rest in stated.rests:
         if rest.shows is not None:
@@ -208,7 +212,6 @@ def draw_gyro(
     for values in (biases, at_samples):
         _fill_in(values, times, lost, gyro)
     shown = base @ (np.eye(3) + scale).T + raw + biases + at_samples
-    undo = np.linalg.inv(np.eye(3) + scale)
     begins, ends = base[:-1] - in_steps @ undo.T, base[1:] - in_steps @ undo.T
     if gyro.holds and gyro.between == 0.0:
         ends = begins.copy()
@@ -317,6 +320,26 @@ def _noise(
         if reached > increment:
             at_samples, in_steps = at_samples * increment / reached, in_steps * increment / reached
     return at_samples, in_steps
+
+
+def _limit_noise_turn(
+    at_samples: FloatArray,
+    in_steps: FloatArray,
+    times: FloatArray,
+    base: FloatArray,
+    undo: FloatArray,
+    gyro: StatedGyro,
+) -> None:
+    """Make noise smaller, as long as it turns further by itself than is stated."""
+    while True:
+        hidden, shown = in_steps @ undo.T, at_samples @ undo.T
+        true = Turning(times, base[:-1] - hidden, base[1:] - hidden)
+        with_noise = Turning(times, base[:-1] + shown[:-1], base[1:] + shown[1:])
+        share = share_of_noise_turn(times, true, with_noise, gyro.bounds, gyro.increment_over)
+        if share <= AT_BOUND:
+            return
+        at_samples *= 0.999 * AT_BOUND / share
+        in_steps *= 0.999 * AT_BOUND / share
 
 
 def _within_increment(
