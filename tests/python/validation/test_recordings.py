@@ -35,6 +35,7 @@ from random_configurations import draw_configuration
 
 GUARANTEED = {"mode": "guaranteed", "policy": "drop_measurement", "best": "center"}
 GYRO = {"kind": "gyro", "columns": ["gx", "gy", "gz"], "longest_interval_s": 0.05, "noise_deg_per_s": 1e-6}
+GYRO |= {"earth_rate": "removed"}
 UP = {"name": "up", "kind": "accelerometer", "columns": ["ax", "ay", "az"], "unit": "m/s^2"}
 FIELD = {"name": "field", "kind": "magnetometer", "columns": ["mx", "my", "mz"], "unit": "uT"}
 
@@ -202,8 +203,12 @@ WEAKENED = {
         lambda: configured({"bias_deg_per_s": 1.0, "anchor_s": 1.0}, *STARS),
     ),
     "the noise of a gyro": (
-        lambda m: smaller(m, GyroBounds, "_noise_angle"),
+        lambda m: smaller(m, GyroBounds, "noise_angle"),
         lambda: configured({"noise_deg_per_s": 1.0, "anchor_s": 1.0}, *STARS),
+    ),
+    "what noise turns by itself": (
+        lambda m: smaller(m, GyroBounds, "noise_angle", 0.8),
+        lambda: configured({"noise_deg_per_s": 5.0, "noise_turn_deg": 0.5, "anchor_s": 2.0}, *STARS),
     ),
     "noise that turns with the body": (
         lambda m: smaller(m, GyroBounds, "swept_increment", 0.5),
