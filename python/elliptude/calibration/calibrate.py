@@ -302,7 +302,9 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
             )
     rule = configuration.rule.rule()
     if (known := statements.gyro) is not None:
-        rule = rule.model_copy(update={"gyro": rule.gyro.model_copy(update=known.model_dump())})
+        # What the rule's gyro turns by its noise says nothing of another one.
+        stated_instead = known.model_dump() | {"noise_turn_deg": None, "noise_turn_growth_deg_per_s": None}
+        rule = rule.model_copy(update={"gyro": rule.gyro.model_copy(update=stated_instead)})
     gyro = replace(rule.gyro.bounds(), longest_interval=gaps.longest_interval(log, configuration))
     log = gaps.without_rates_in_gaps(log, gyro.longest_interval)
     assert log.rates is not None

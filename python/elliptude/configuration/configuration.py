@@ -351,6 +351,8 @@ class Configuration(Model):
                 "increment_deg": None if None in increments else factor * max(one or 0.0 for one in increments),
                 "scale_error": gyro.scale_error,
             }
+            if told:  # of what noise turns by itself it was told nothing
+                left |= {"noise_turn_deg": None, "noise_turn_growth_deg_per_s": None}
             changes["gyro"] = rule.gyro.model_copy(update=left)
         for sensor in self.directions:
             if not isinstance(sensor, Accelerometer | Magnetometer) or self.correction_of(sensor) is None:

@@ -9,7 +9,7 @@ from elliptude import estimation, logs
 from elliptude.bounds.samples import VectorSensorBounds, accelerometer_bounds
 from elliptude.calibration.calibrate import calibrate, sha256_of
 from elliptude.cli.application import make_app
-from elliptude.configuration import read_configuration
+from elliptude.configuration import read_configuration, rules
 from elliptude.configuration.calibration import AccelerometerCalibration, calibrated_bounds, read_statements
 from elliptude.configuration.configuration import Configuration
 from scipy.spatial.transform import Rotation
@@ -207,6 +207,11 @@ def test_what_a_gyro_was_calibrated_with_is_used_with_what_was_found(folder):
             assert gyro.increment_deg is None
         else:
             assert gyro.increment_deg >= 0.99 * max(plain.increment_deg, told.get("increment_deg", 0.0))
+        # What noise turns by itself is the same behind a matrix, but of other noise nothing was said.
+        person = {"rule": {"kind": "stated"} | rules.rule_for("person").model_dump(mode="json", exclude_none=True)}
+        gyro = Configuration.model_validate(tables | person | {"calibration": found}).calibrated_rule().gyro
+        assert gyro.noise_turn_deg == (None if told else 2.5)
+        assert (gyro.bounds().noise_turn == np.inf) == bool(told)
 
 
 def test_a_gyro_of_which_much_is_stated(folder):
