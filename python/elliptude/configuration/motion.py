@@ -60,9 +60,9 @@ def require_earth_rate(
     covered = bias + (noise if adds_up is None else 0.0)
     if earth_rate is None and covered < EARTH_RATE_DEG_PER_S:
         raise ValueError(
-            f"{place}: in axes of the Earth a gyro shows that these turn, by {EARTH_RATE_DEG_PER_S} deg/s, which is "
-            f"more than its bounds allow ({covered:.3g}): add it to bias_deg_per_s, or state earth_rate = 'removed' if "
-            "it was taken off"
+            f"{place}: in axes of the Earth a gyro shows that these turn, by {EARTH_RATE_DEG_PER_S} deg/s, for which "
+            f"its bounds leave no room ({covered:.3g}): add it to bias_deg_per_s, or to noise_deg_per_s where the bias "
+            "is estimated, or state earth_rate = 'removed' if it was taken off"
         )
 
 
@@ -193,7 +193,9 @@ class GyroFlow(Timed):
         """Refuse bounds that the Earth's turn alone breaks; for axes that turn with it."""
         assert self.noise_deg_per_s is not None  # the configuration's check
         adds_up = self.increment_deg if self.noise_turn_deg is None else self.noise_turn_deg
-        require_earth_rate(self.earth_rate, self.bias_deg_per_s, self.noise_deg_per_s, adds_up, place="flow")
+        # A bias that is estimated is one of the body's axes, in which the Earth's turn changes with the attitude.
+        bias = 0.0 if self.estimate_bias else self.bias_deg_per_s
+        require_earth_rate(self.earth_rate, bias, self.noise_deg_per_s, adds_up, place="flow")
 
     def off_the_line(self, interval: float, drift: float = 0.0) -> float:
         """How far a rate between samples may be off because of the motion between them, rad/s; section 18.3.

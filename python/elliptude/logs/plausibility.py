@@ -379,11 +379,14 @@ def _gyro_against_direction(
         other, other_error = times_as_far(factor)
         if other_error < STANDARD_ERROR and LEAST <= other <= MOST:
             return _WrongUnit("error", name, f"turns {factor * other:.3g} times as far as the rate says, {meaning}")
-    if error >= STANDARD_ERROR or abs(value - 1.0) <= turns.share_of_error(begins, ends):
+    if error >= STANDARD_ERROR:
         return "unknown"
     severity: Severity = "warning" if is_accelerometer else "error"
+    # Errors of the rate bring the slope nearer to 0, and do not turn it round.
     if -MOST <= value <= -LEAST:
         return Finding(severity, name, f"turns {value:.3g} times as far as the rate says, as with a wrong sign")
+    if abs(value - 1.0) <= turns.share_of_error(begins, ends):
+        return "unknown"
     if abs(value) < 0.1:
         return Finding(severity, name, f"does not turn ({value:.2g} times) as the rate says: units or axes do not fit")
     return Finding("warning", name, f"turns {value:.2g} times as far as the rate says: are units and axes right?")

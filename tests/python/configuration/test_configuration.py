@@ -5,7 +5,7 @@ import pytest
 import tomlkit
 from elliptude import GravityGradient, UniformGravity
 from elliptude.configuration import Configuration, read_configuration
-from elliptude.configuration.rules import Rule
+from elliptude.configuration.rules import Rule, hand_held
 from elliptude.io.files import FileError
 from elliptude.simulation import fermi
 from elliptude.simulation.scenarios import Scenario
@@ -337,3 +337,52 @@ def test_a_reference_from_two_sensors_is_not_relaxed(says, message):
         return
     with pytest.raises(ValueError, match=message):
         Configuration.model_validate(tables)
+
+
+STILL_ON_EARTH = {"noise_deg_per_s": 0.001, "bias_deg_per_s": 0.001}
+
+
+@pytest.mark.parametrize(
+    ("flow", "covers"),
+    [
+        (STILL_ON_EARTH, False),
+        (STILL_ON_EARTH | {"noise_deg_per_s": 0.0042}, True),
+        (STILL_ON_EARTH | {"bias_deg_per_s": 0.0042}, True),
+        (STILL_ON_EARTH | {"earth_rate": "removed"}, True),
+        # What changes with the pose is no bias that stands still.
+        (STILL_ON_EARTH | {"bias_deg_per_s": 0.1, "estimate_bias": True}, False),
+        # An increment says that noise does not keep its sign.
+        (STILL_ON_EARTH | {"noise_deg_per_s": 1.0, "increment_deg": 0.1, "anchor_s": 1.0}, False),
+        (STILL_ON_EARTH | {"noise_deg_per_s": 1.0, "noise_turn_deg": 0.1, "anchor_s": 1.0}, False),
+    ],
+)
+def test_a_gyro_on_earth_shows_that_it_turns(flow, covers):
+    tables = {"time_column": "t", "reference_frame": "ENU", "estimator": {"mode": "guaranteed"}} | {
+        "flow": {"kind": "gyro", "columns": ["wx", "wy", "wz"]} | flow,
+        "directions": [{"name": "sun", "columns": ["sx", "sy", "sz"], "reference": [1.0, 0.0, 0.0], "bound_deg": 7.0}],
+    }
+    if covers:
+        Configuration.model_validate(tables)
+    else:
+        with pytest.raises(ValueError, match=r"by 0\.0042 deg/s, for which its bounds leave no room"):
+            Configuration.model_validate(tables)
+    # Stars stand still in axes that do not turn.
+    Configuration.model_validate(tables | {"reference_frame": "J2000"})
+
+
+def test_a_rule_is_of_the_earth():
+    tables = hand_held().model_dump(mode="json", exclude_none=True)
+    tables["gyro"] |= {"noise_deg_per_s": 0.01, "bias_deg_per_s": 0.004}
+    with pytest.raises(ValueError, match="gyro: in axes of the Earth"):
+        Rule.model_validate(tables)
+    tables["gyro"]["earth_rate"] = "removed"
+    Rule.model_validate(tables)
+
+
+def test_a_growth_needs_what_it_is_added_to():
+    tables = hand_held().model_dump(mode="json", exclude_none=True)
+    tables["gyro"] |= {"noise_turn_growth_deg_per_s": 0.1}
+    with pytest.raises(ValueError, match="needs noise_turn_deg"):
+        Rule.model_validate(tables)
+    with pytest.raises(ValueError, match="needs noise_turn_deg"):
+        Configuration.model_validate(changed(gyro(), "flow.noise_turn_growth_deg_per_s", 0.1))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from elliptude.bounds.rest import mean_over_time
 from elliptude.typing import FloatArray
 from elliptude.validation.recordings.noise_turn import share_of_noise_turn
 from elliptude.validation.recordings.statements import Stated, StatedGyro, StatedRest
@@ -404,7 +405,7 @@ def _shown_in_rest(
     wobble = np.where(np.arange(len(times)) % 2, 1.0, -1.0)[:, None] * (most - hidden) * unit_vector(draws)
     at_samples[rows] = wobble[rows]
     shown = kept & rows
-    at_samples[rows] -= (biases + at_samples)[shown].mean(axis=0)
+    at_samples[rows] -= mean_over_time(times[shown], (biases + at_samples)[shown])
     at_samples[rows] = limited(at_samples[rows], gyro.bounds.noise * AT_BOUND)
     raw: FloatArray = 0.8 * math.radians(rest.shows.rate_deg_per_s) * draws.random() * unit_vector(draws)
     return raw

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import elliptude
-from elliptude.configuration import references
 from elliptude.configuration.configuration import Configuration
 from elliptude.estimation.estimator import Estimation
 from elliptude.estimation.guaranteed_run import turned_to_start
@@ -225,10 +224,7 @@ def _judge_answers(verdict: Verdict, estimation: Estimation, holds: NDArray[np.b
             if axes is not None:
                 _, turned = tilt_and_heading(centers, true, axes[i])
             else:
-                _, turned = tilt_and_heading(np.swapaxes(true, 1, 2), np.swapaxes(centers, 1, 2), np.eye(3)[i])
-                turned = -turned
-                other = tilt_and_heading(np.tile(np.eye(3), (len(true), 1, 1)), _turns(centers, true), np.eye(3)[i])
-                turned = other[1]
+                _, turned = tilt_and_heading(np.tile(np.eye(3), (len(true), 1, 1)), _turns(centers, true), np.eye(3)[i])
             shares = np.maximum(shares, _between(turned, turns[:, i, 0], turns[:, i, 1]))
         verdict.add(name, shares, holds)
     if answers.own_attitudes is not None and answers.own_shapes is not None:
@@ -238,8 +234,3 @@ def _judge_answers(verdict: Verdict, estimation: Estimation, holds: NDArray[np.b
         solved = np.linalg.solve(answers.own_shapes[known], offsets[:, :, None])[:, :, 0]
         forms[known] = np.sum(offsets * solved, axis=1)
         verdict.add("attitude by itself", forms, known)
-
-
-def frame_up(configuration: Configuration) -> FloatArray:
-    """Up in reference axes, shape (3,)."""
-    return references.up(configuration.reference_frame or "ENU")

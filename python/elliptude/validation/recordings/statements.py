@@ -120,15 +120,11 @@ class Stated:
     def offset_of(self, sensor: AnyDirection) -> float:
         """How far a sensor's stamps may be off beside the gyro's, s."""
         if self.rule is None:
-            own = sensor.time_offset_bound_s
-        elif isinstance(sensor, Accelerometer):
-            own = self.rule.accelerometer.time_offset_bound_s
-        else:
-            assert self.rule.magnetometer is not None
-            own = self.rule.magnetometer.time_offset_bound_s
-        # What makes one row of different stamps has to be part of it.
-        within = self.configuration.timing.same_within_s
-        return max(own - within, 0.0) if within > 1e-8 else own
+            return sensor.time_offset_bound_s
+        if isinstance(sensor, Accelerometer):
+            return self.rule.accelerometer.time_offset_bound_s
+        assert self.rule.magnetometer is not None
+        return self.rule.magnetometer.time_offset_bound_s
 
     def delay_of(self, sensor: AnyDirection) -> float:
         """How late a sensor's stamps are, s."""
