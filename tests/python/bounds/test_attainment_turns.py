@@ -416,3 +416,17 @@ def test_chords_of_arcs_are_counted():
     found = effects[-1].reshape(3, 3, 3)[:, 0, 2]
     gap = np.linalg.norm(exact - found)
     assert 0.9 * chords[-1] <= gap <= chords[-1]
+
+
+def test_one_matrix_needs_the_chords():
+    """Turns of 1.3 rad about one axis after the other, each from rest to rest, and a matrix found by a search."""
+    k, legs = 1e-5, np.array([[-0.859, 0.015, -0.913], [0.078, 1.034, 0.315], [-0.544, -0.783, 0.861]])
+    shown = np.zeros((7, 3))
+    shown[1::2] = 2.0 * legs
+    worst = np.array([[0.5264, -0.2736, -0.805], [-0.2042, -0.9598, 0.1927], [-0.8254, 0.0629, -0.5611]])
+    matrix = -k * worst / np.linalg.norm(worst, 2)
+    true = np.linalg.solve(np.eye(3) + matrix, shown.T).T
+    times = np.arange(7.0)
+    off = (turn_of(times, shown) * turn_of(times, true).inv()).magnitude()
+    bound = anchored(GyroBounds(0.0, scale_error=k), times, shown, 100.0)
+    assert 0.7 * bound <= off <= bound

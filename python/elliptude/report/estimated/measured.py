@@ -19,6 +19,8 @@ LIMIT = 3000
 """Samples of a sensor, and times at which it was left out, that are kept at most."""
 GAP = 3.5
 """An interval that is so many times as long as the usual one is a gap: at least three samples are missing."""
+# Of so many samples the usual interval is known.
+_FEWEST = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,22 +108,23 @@ class _Samples:
         if not len(times):
             return
         intervals = np.diff(times, prepend=self._last if self._count else times[0])
-        if np.isnan(self._usual) and len(times) > 2:
-            self._usual = float(np.median(intervals[1:]))
         self._last = times[-1]
         self._numbers = np.concatenate([self._numbers, np.arange(self._count, self._count + len(times))])
         self._count += len(times)
         self.times = np.concatenate([self.times, times])
         self._values = np.concatenate([self._values, values])
         self._intervals = np.concatenate([self._intervals, intervals])
+        if np.isnan(self._usual) and len(self._intervals) > _FEWEST:
+            self._usual = float(np.median(self._intervals[1:]))
         while len(self.times) > LIMIT:
             self._stride *= 2
             self._keep(self._extremes())
 
     def _extremes(self) -> NDArray[np.intp]:
-        """Rows with the least and the most of each axis of each group, and with the longest interval before it."""
+        """Rows with the least and the most of each axis of each group, and with the longest interval beside it."""
         bins = self._numbers // self._stride
-        scores = [*self._values.T, *-self._values.T, self._intervals]
+        before = np.append(self._intervals[1:], 0.0)
+        scores = [*self._values.T, *-self._values.T, self._intervals, before]
         return np.unique(np.concatenate([largest_of_each(bins, score) for score in scores]))
 
     def _keep(self, rows: NDArray[np.intp]) -> None:
