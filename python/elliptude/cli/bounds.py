@@ -212,7 +212,7 @@ def bounds(
     configuration = mapping.configuration_of(tables, stated_in)
     carried = configuration.carried or "hand"
     mode = _mode(mode, tables)
-    with steps(Console(stderr=True), 4) as step:
+    with steps(Console(stderr=True), 4 if configuration.timing.repair else 3) as step:
         refuse = out is not None or rule is not None
         repaired, recording, origin, heard = _recorded(source, configuration, step, refuse=refuse, reference=reference)
         step("Proposing")
@@ -271,8 +271,10 @@ def _recorded(
     source: NamedFile, configuration: Configuration, step: Callable[[str], None], *, refuse: bool, reference: bool
 ) -> tuple[Survey, Recording, int, plausibility.Heard]:
     """What was repaired, the recording and its first time, and what contradicts itself in it."""
-    step("Looking for faults")
-    repaired = logs.faults_of(source, configuration) if configuration.timing.repair else Survey()
+    repaired = Survey()
+    if configuration.timing.repair:
+        step("Looking for faults")
+        repaired = logs.faults_of(source, configuration)
     step("Reading")
     recording, origin = mapping.read_recording(source, configuration)
     step("Looking at the sensors")

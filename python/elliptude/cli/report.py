@@ -74,7 +74,7 @@ def make_report(
     require_outputs(files, force=force, folder=pictures, read=read, endings={out: PAGE})
     if reference is None:
         _require_none_of_reference("--config", config, reference_error_deg)
-    with steps(Console(stderr=True), 3) as step:
+    with steps(Console(stderr=True), 2 if pictures is None else 3) as step:
         step("Reading")
         run, read_label = read_run(result)
         run = replace(run, axes=axes)
@@ -85,8 +85,8 @@ def make_report(
         from elliptude.report import page  # imports Matplotlib, which would slow every command
 
         summary = page.write_report(run, out, title, label=label)
-        step("Drawing")
         if pictures is not None:
+            step("Drawing")
             pictures.mkdir(parents=True, exist_ok=True)
             files = [out, *_write_pictures(run, pictures, title, label)]
     if as_json:
