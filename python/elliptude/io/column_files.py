@@ -196,7 +196,8 @@ def label_in(file: object) -> str:
 
 def origin_of(file: object) -> int:
     """`time_origin` of a file that is open, in any format."""
-    match = _ORIGIN.search(label_in(file))
+    # A table of another program may say it, too.
+    match = _ORIGIN.search(getattr(file, "label", ""))
     return 0 if match is None else int(match[1])
 
 

@@ -70,6 +70,8 @@ def _squarable(bound: float) -> float:
 
 NonzeroVector = Annotated[Vector, AfterValidator(_has_direction)]
 _OfAnyLength = Annotated[float, Strict(), Field(ge=-1e300, le=1e300)]
+VectorOfAnyLength = tuple[_OfAnyLength, _OfAnyLength, _OfAnyLength]
+"""Of which the direction counts alone."""
 Quaternion = Annotated[tuple[_OfAnyLength, _OfAnyLength, _OfAnyLength, _OfAnyLength], AfterValidator(_is_rotation)]
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]

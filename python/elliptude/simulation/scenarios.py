@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from elliptude.io.files import FileError
-from elliptude.io.toml import Attitude, Matrix, Model, Number, Vector, read_toml, unit
+from elliptude.io.toml import Attitude, Matrix, Model, Number, Vector, VectorOfAnyLength, read_toml, unit
 from elliptude.simulation.potentials import Potential
 from elliptude.typing import FloatArray
 
@@ -54,7 +54,7 @@ def _of_a_body(inertia: Matrix) -> Matrix:
 
 Inertia = Annotated[Matrix, BeforeValidator(_as_matrix), AfterValidator(_of_a_body)]
 """Three principal moments or a symmetric 3x3 matrix, kg m^2, in body axes."""
-Direction = Annotated[Vector, AfterValidator(unit)]
+Direction = Annotated[VectorOfAnyLength, AfterValidator(unit)]
 DirectionSet = Annotated[tuple[Direction, ...], Field(min_length=1)]
 BoundDeg = Annotated[Number, Field(gt=0, le=90)]
 

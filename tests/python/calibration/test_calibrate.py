@@ -276,7 +276,7 @@ def test_figures_as_json(folder):
         "calibrate", folder / "log.npz", folder / "log.toml", "--out", folder / "again.toml", "--json",
     )  # fmt: skip
     assert done.exit_code == 0, done.output
-    force, field, gyro = json.loads(done.output)
+    force, field, gyro = json.loads(done.stdout)
     assert gyro["turns"] == 14
     assert gyro["scale_error"] == 0.02
     assert gyro["remarks"] == [

@@ -273,7 +273,10 @@ def suspicious(tmp_path, configuration, arrays=None):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"noise_deg_per_s": 1e-5}, "noise_deg_per_s = 1e-05, 1.0e-05 of .*no small sensor is so good"),
+        (
+            {"noise_deg_per_s": 1e-5, "earth_rate": "removed"},
+            "noise_deg_per_s = 1e-05, 1.0e-05 of .*no small sensor is so good",
+        ),
         ({"noise_deg_per_s": 1e9}, r"noise_deg_per_s = 1e\+09, 1e\+09 times"),
         ({"scale_error": 0.5}, "scale_error = 0.5, 25 times"),
         ({"bias_deg_per_s": 50.0}, "bias_deg_per_s = 50, 200 times"),

@@ -25,7 +25,13 @@ def configuration(*directions, **tables):
     given = {
         "time_column": "t",
         "reference_frame": "ENU",
-        "flow": {"kind": "gyro", "columns": columns("gyr"), "noise_deg_per_s": 1e-6, "largest_rate_deg_per_s": 90.0},
+        "flow": {
+            "kind": "gyro",
+            "columns": columns("gyr"),
+            "noise_deg_per_s": 1e-6,
+            "largest_rate_deg_per_s": 90.0,
+            "earth_rate": "removed",
+        },
         "timing": {"same_within_s": 0.0045},
         "directions": list(directions),
         "estimator": {"mode": "guaranteed", "policy": "drop_measurement"},

@@ -590,7 +590,7 @@ def test_how_the_sensor_is_carried_is_stated_without_a_rule_too(tmp_path):
     # What is missing in a configuration is proposed for what it says, without the option.
     config.write_text(re.sub("noise_deg_per_s = .*", "", config.read_text()))
     assert "by the rule for a sensor on a drone" in succeed("bounds", log, config, "--out", again)
-    assert tomllib.loads(again.read_text())["flow"]["noise_deg_per_s"] == 170.0
+    assert tomllib.loads(again.read_text())["flow"]["noise_deg_per_s"] == 360.0
     # Where a rule can be used, it says that itself.
     ruled = tmp_path / "ruled.toml"
     whole = write_csv(tmp_path / "whole.csv", HEADER)

@@ -81,6 +81,7 @@ def write_attitudes(folder, first, attitudes=ATTITUDES, later_ns=0):
 def monitored(*arguments):
     done = run("monitor", *arguments, "--json")
     assert done.exit_code in {0, 1}, done.output
+    assert done.stdout, done.output
     return json.loads(done.stdout)
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 import elliptude
 from elliptude import units
@@ -215,9 +215,9 @@ def _put(columns: dict[str, FloatArray], sensor: Any, body: FloatArray) -> None:
 
 def _set_attitude(of: _Draw, shown: Shown) -> None:
     configuration, draws = of.stated.configuration, of.draws
-    attitude = Rotation.from_quat(draws.standard_normal(4)).as_matrix()
+    attitude = scipy.spatial.transform.Rotation.from_quat(draws.standard_normal(4)).as_matrix()
     if draws.random() < 0.3 and of.stated.force is not None:
-        attitude = Rotation.from_euler("z", draws.uniform(0.0, 6.3)).as_matrix()
+        attitude = scipy.spatial.transform.Rotation.from_euler("z", draws.uniform(0.0, 6.3)).as_matrix()
     if isinstance(configuration.start, GivenStart):
         start = configuration.start.build()
         vector = np.linalg.cholesky(start.shape[:3, :3]) @ unit_vector(draws) * draws.choice([0.5, 1.0]) * AT_BOUND
@@ -226,8 +226,10 @@ def _set_attitude(of: _Draw, shown: Shown) -> None:
     for sensor in of.stated.directions:
         phase = sensor.reference if isinstance(sensor, Magnetometer) else None
         if isinstance(phase, RestPhase) and phase.attitude_qw_qx_qy_qz is not None:
-            stated = Rotation.from_quat(phase.attitude_qw_qx_qy_qz, scalar_first=True)
-            off = Rotation.from_rotvec(AT_BOUND * math.radians(phase.attitude_error_deg) * unit_vector(draws))
+            stated = scipy.spatial.transform.Rotation.from_quat(phase.attitude_qw_qx_qy_qz, scalar_first=True)
+            off = scipy.spatial.transform.Rotation.from_rotvec(
+                AT_BOUND * math.radians(phase.attitude_error_deg) * unit_vector(draws)
+            )
             attitude, time = (stated * off).as_matrix(), phase.from_s
     shown.turning.set_attitude(time, attitude)
 
@@ -314,7 +316,7 @@ def _references(of: _Draw, sensor: Direction, times: FloatArray) -> FloatArray:
     rate = math.radians(sensor.reference_rate_deg_per_s or 0.0) * AT_BOUND
     if sensor.reference_rate_deg_per_s is None:
         rate = 0.02
-    turned: FloatArray = Rotation.from_rotvec(rate * times[:, None] * across).apply(one)
+    turned: FloatArray = scipy.spatial.transform.Rotation.from_rotvec(rate * times[:, None] * across).apply(one)
     return turned
 
 
@@ -388,7 +390,7 @@ def _prefixed(kinds: dict[str, str], of: str) -> dict[str, str]:
 def _misaligned(shown: FloatArray, degrees: float, draws: np.random.Generator) -> FloatArray:
     if degrees == 0.0:
         return shown
-    turn = Rotation.from_rotvec(AT_BOUND * math.radians(degrees) * unit_vector(draws))
+    turn = scipy.spatial.transform.Rotation.from_rotvec(AT_BOUND * math.radians(degrees) * unit_vector(draws))
     return np.asarray(turn.apply(shown))
 
 
@@ -408,7 +410,9 @@ def true_field(of: _Draw, sensor: Magnetometer) -> FloatArray:
         if isinstance(phase, RestPhase) and phase.attitude_qw_qx_qy_qz is not None:
             return strength * unit_vector(draws)
         return references.from_enu(enu, configuration.reference_frame or "ENU")
-    off = Rotation.from_rotvec(AT_BOUND * math.radians(sensor.reference_error_deg or 0.0) * unit_vector(draws))
+    off = scipy.spatial.transform.Rotation.from_rotvec(
+        AT_BOUND * math.radians(sensor.reference_error_deg or 0.0) * unit_vector(draws)
+    )
     assert of.stated.field is not None
     stronger = AT_BOUND * of.stated.field.strength_error * float(draws.choice([-1.0, 0.0, 1.0]))
     strength = float(np.linalg.norm(field_ut))
@@ -481,7 +485,7 @@ def _velocity(
         true,
         draws,
     )
-    turn = Rotation.from_quat(draws.standard_normal(4))
+    turn = scipy.spatial.transform.Rotation.from_quat(draws.standard_normal(4))
     shown = turn.apply(true + AT_BOUND * stated.error_m_per_s * along) / units.VELOCITY[stated.unit]
     if clock == gyro_clock:
         rare = np.arange(len(shown)) % int(draws.choice([1, 10, 25])) != 0

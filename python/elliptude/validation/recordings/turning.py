@@ -1,7 +1,7 @@
 """True attitudes from angular velocities that are on lines, piece by piece."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from elliptude.typing import FloatArray
 
@@ -31,13 +31,15 @@ class Turning:
         self.times = np.append(times[piece] + from_share * spans[piece], times[-1])
         self.begins = begins[piece] + from_share[:, None] * change
         self.ends = begins[piece] + to_share[:, None] * change
-        turns = Rotation.from_rotvec(_turn(np.diff(self.times), self.begins, self.ends)).as_matrix()
+        turns = scipy.spatial.transform.Rotation.from_rotvec(
+            _turn(np.diff(self.times), self.begins, self.ends)
+        ).as_matrix()
         attitudes = np.empty((len(self.times), 3, 3))
         attitudes[0] = np.eye(3)
         for i, turn in enumerate(turns):
             attitudes[i + 1] = attitudes[i] @ turn
         # What rounding has made of their lengths would be an error of every vector.
-        self._attitudes: FloatArray = Rotation.from_matrix(attitudes).as_matrix()
+        self._attitudes: FloatArray = scipy.spatial.transform.Rotation.from_matrix(attitudes).as_matrix()
 
     def set_attitude(self, time: float, attitude: FloatArray) -> None:
         """Let the body have an attitude (3, 3), from body to reference axes, at a time, s."""
@@ -48,7 +50,9 @@ class Turning:
         """From body to reference axes at times of any order, s, shape (..., 3, 3)."""
         piece = self._piece(times)
         rates = self._rates(times, piece)
-        turns = Rotation.from_rotvec(_turn(times - self.times[piece], self.begins[piece], rates)).as_matrix()
+        turns = scipy.spatial.transform.Rotation.from_rotvec(
+            _turn(times - self.times[piece], self.begins[piece], rates)
+        ).as_matrix()
         attitudes: FloatArray = self._attitudes[piece] @ turns
         return attitudes
 

@@ -5,8 +5,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from elliptude.bounds.samples import VectorSensorBounds
 from elliptude.bounds.turns import running_integral
@@ -255,7 +255,7 @@ def shown_vectors(
     draws : numpy.random.Generator
     """
     matrix = np.eye(3) + matrix_within(sensor.scale_error, kinds["scale"], draws)
-    turn = Rotation.from_rotvec(sensor.misalignment * AT_BOUND * unit_vector(draws)).as_matrix()
+    turn = scipy.spatial.transform.Rotation.from_rotvec(sensor.misalignment * AT_BOUND * unit_vector(draws)).as_matrix()
     # What was drawn is rounded, and so are the numbers of a file.
     most = max(sensor.error - _ROUNDING * float(np.abs(true).max(initial=0.0)), 0.0)
     averaged = most if sensor.averaged_error is None else min(sensor.averaged_error, most)
@@ -351,4 +351,4 @@ def turned_away(
     # Across the direction, a turn by the whole angle.
     across = np.where(lengths > 1e-6, across / np.where(lengths > 1e-6, lengths, 1.0), 0.0) * (lengths > 1e-6)
     angles = np.broadcast_to(angle, len(units))[:, None]
-    return np.asarray(Rotation.from_rotvec(AT_BOUND * angles * across).apply(directions))
+    return np.asarray(scipy.spatial.transform.Rotation.from_rotvec(AT_BOUND * angles * across).apply(directions))
