@@ -103,6 +103,8 @@ class GyroBounds:
         for name in ("noise", "bias", "drift", "noise_turn_growth"):
             require_not_negative(name, getattr(self, name))
         require_fraction("scale_error", self.scale_error)
+        if self.noise_turn_growth > 0.0 and np.isinf(self.noise_turn):
+            raise ValueError("noise_turn_growth needs noise_turn, what it is added to")
         if not self.longest_interval > 0.0:
             raise ValueError(f"longest_interval must be positive, not {self.longest_interval}")
         for name in ("increment", "noise_turn", "largest_rate", "angular_acceleration"):
@@ -111,7 +113,8 @@ class GyroBounds:
 
     def with_more_noise(self, rate: float) -> "GyroBounds":
         """Bounds of a gyro whose noise has another part of at most this, rad/s, which may keep its sign."""
-        return replace(self, noise=self.noise + rate, increment=np.inf, noise_turn=np.inf)
+        noise = self.noise + rate
+        return replace(self, noise=noise, increment=np.inf, noise_turn=np.inf, noise_turn_growth=0.0)
 
     def gaps(self, times: FloatArray, angular_velocities: FloatArray) -> NDArray[np.bool_]:
         """Steps between rows that are longer than the noise bound speaks of.

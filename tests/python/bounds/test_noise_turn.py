@@ -145,6 +145,11 @@ def test_numbers_that_bound_nothing_are_refused(name, value):
         GyroBounds(1.0, **{name: value})
 
 
+def test_a_growth_needs_what_it_is_added_to():
+    with pytest.raises(ValueError, match="noise_turn_growth needs noise_turn"):
+        GyroBounds(1.0, noise_turn_growth=0.1)
+
+
 def test_more_noise_leaves_nothing_of_what_it_adds_up_to():
-    gyro = GyroBounds(0.1, increment=0.2, noise_turn=0.3).with_more_noise(0.05)
+    gyro = GyroBounds(0.1, increment=0.2, noise_turn=0.3, noise_turn_growth=0.1).with_more_noise(0.05)
     assert gyro == GyroBounds(0.1 + 0.05)
