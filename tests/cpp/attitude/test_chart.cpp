@@ -210,6 +210,29 @@ TEST_CASE("recentring contains the set, and is nearly as small as it can be") {
   }
 }
 
+TEST_CASE("a square of a thin shape is not less than it is, though its terms cancel") {
+  Random random(44);
+  int less = 0;
+  for (int trial = 0; trial < 2000; ++trial) {
+    // Thin along g, and g along no axis: what is left of the terms is rounding.
+    const Vector3<double> g = random.unit_vector<3>();
+    const Vector3<double> across = g.cross(random.unit_vector<3>()).normalized();
+    const Vector3<double> other = g.cross(across);
+    const double thin = std::pow(10.0, random.uniform(-9, -2));
+    const Matrix3<float> shape =
+        Matrix3<double>(thin * thin * g * g.transpose() + across * across.transpose() + other * other.transpose())
+            .cast<float>();
+    const Vector3<float> along = g.cast<float>();
+    const Vector3<double> exact_along = along.cast<double>();
+    const Matrix3<double> exact_shape = symmetrized(Matrix3<double>(shape.cast<double>()));
+    const double exact = exact_along.dot(exact_shape * exact_along);
+    const Matrix3<float> symmetric = exact_shape.cast<float>();
+    CHECK(static_cast<double>(detail::square_from_above(symmetric, along)) >= exact);
+    less += static_cast<double>(along.dot(symmetric.lazyProduct(along))) < exact ? 1 : 0;
+  }
+  CHECK(less > 200);  // as calculated it often is
+}
+
 TEST_CASE("the projective change of center is that of the rotations") {
   Random random(5);
   for (int trial = 0; trial < 200; ++trial) {

@@ -268,6 +268,64 @@ TEST_CASE("a rate known without an attitude is given up as a set is") {
   }
 }
 
+TEST_CASE("a rate alone that contradicts the bound of the vector is not taken up") {
+  const Ellipsoid<double, 3> bound_of_rate{Vector3d::Zero(), Vector3d::Constant(4).asDiagonal()};
+  for (const Policy policy : {Policy::raise, Policy::drop_measurement, Policy::restart}) {
+    for (const bool knows : {false, true}) {
+      for (const double size : {2.1, 30.0, 1e6}) {
+        CAPTURE(static_cast<int>(policy));
+        CAPTURE(knows);
+        CAPTURE(size);
+        Scene scene(41);
+        BodyFilter filter = with_policy(policy, 3);
+        REQUIRE(filter.bound_vector(bound_of_rate) == Status::ok);
+        Report update;
+        if (knows) {
+          REQUIRE(filter.update({nullptr, 0, &scene.rate, nullptr}, update) == Status::ok);
+        }
+        const Ellipsoid<double, 3> before = filter.vector();
+        AngularVelocity<double> wrong = scene.rate;
+        wrong.value = size * Vector3d::UnitX();
+        wrong.bound = 1e-4 * Matrix3d::Identity();
+        const Status status = filter.update({scene.directions.data(), 1, &wrong, nullptr}, update);
+        CHECK(update.margin < 0);
+        CHECK(update.contradicting == angular_velocity_bit);
+        CHECK(status == (policy == Policy::raise ? Status::empty_intersection : Status::ok));
+        CHECK(update.dropped == (policy == Policy::raise ? 0 : angular_velocity_bit));
+        CHECK(filter.knows_vector() == knows);
+        if (knows) {
+          CHECK(filter.vector().shape == before.shape);
+          CHECK(filter.vector().center == before.center);
+        }
+        // What comes is taken as if nothing had been.
+        REQUIRE(filter.update(scene.all(), update) == Status::ok);
+        CHECK(update.dropped == 0);
+        CHECK(filter.claim() == (knows && policy != Policy::raise ? Claim::conditional : Claim::unconditional));
+        CHECK(form_of(filter, scene.truth) <= 1);
+      }
+    }
+  }
+}
+
+TEST_CASE("a rate alone is known within the bound of the vector") {
+  const auto width_along_x = [](const BodyFilter& filter) { return std::sqrt(filter.vector().shape(0, 0)); };
+  for (const double half_width : {1e-3, 0.1, 10.0, 1e5}) {
+    CAPTURE(half_width);
+    // The truth is at the edge of both, which have a thin lens in common.
+    BodyFilter filter = filter_with({});
+    const Vector3d truth = Vector3d::UnitX();
+    REQUIRE(filter.bound_vector({Vector3d::Zero(), Matrix3d::Identity()}) == Status::ok);
+    const double smaller = std::fmin(half_width, 1.0);
+    const AngularVelocity<double> rate{truth + (half_width - 0.001 * smaller) * Vector3d::UnitX(),
+                                       half_width * half_width * Matrix3d::Identity()};
+    Report update;
+    REQUIRE(filter.update({nullptr, 0, &rate, nullptr}, update) == Status::ok);
+    REQUIRE(filter.knows_vector());
+    CHECK(contains(filter.vector(), truth));
+    CHECK(width_along_x(filter) < 0.1 * smaller);
+  }
+}
+
 TEST_CASE("a bias known without an attitude that contradicts its bound is given up") {
   for (const Policy policy : {Policy::drop_measurement, Policy::restart}) {
     GyroFilter::Settings settings;

@@ -115,6 +115,14 @@ template <typename Scalar>
   return enlarged(shape, added);
 }
 
+/// gᵀPg, and not less than it is: its terms may cancel where a set is thin.
+template <typename Scalar>
+[[nodiscard]] Scalar square_from_above(const Matrix3<Scalar>& shape, const Vector3<Scalar>& g) noexcept {
+  const Scalar width = g.cwiseAbs().dot(shape.diagonal().cwiseSqrt());
+  const Scalar computed = g.dot(shape.lazyProduct(g));
+  return (computed > Scalar(0) ? computed : Scalar(0)) + rounding::share<Scalar>(rounding::component) * width * width;
+}
+
 }  // namespace detail
 
 /// Moves the ellipsoid of errors [γ; δ] about a center to its own center. Where g = γ/2 is seen from ĝ it is
@@ -130,9 +138,9 @@ template <typename State>
   }
   const Vector3<Scalar> g = scalar::constant<Scalar>(0.5L) * ellipsoid.center.template head<3>();
   const Scalar scale = Scalar(1) + g.squaredNorm();
-  const Scalar square = g.dot(ellipsoid.shape.template topLeftCorner<3, 3>().lazyProduct(g));
-  const Scalar e = scalar::sqrt(square > Scalar(0) ? square : Scalar(0)) / (Scalar(2) * scale) *
-                   (Scalar(1) + rounding::share<Scalar>(rounding::product));
+  const Matrix3<Scalar> attitude = ellipsoid.shape.template topLeftCorner<3, 3>();
+  const Scalar e = rounding::enlarged(
+      Scalar(scalar::sqrt(detail::square_from_above(attitude, g)) / (Scalar(2) * scale)), rounding::product);
   if (!(e < Scalar(1))) {
     return Status::unbounded;
   }

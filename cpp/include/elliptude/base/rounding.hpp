@@ -136,7 +136,7 @@ inline constexpr int cone_misfit = 32;
 /// The largest angle of a measured attitude, and the difference of a chart's stretch from one.
 inline constexpr int attitude_angle = 16;
 /// A measured attitude's center, the quadric's curvature, and its level.
-inline constexpr int attitude_center = 32;
+inline constexpr int attitude_center = 64;
 inline constexpr int attitude_curvature = 32;
 inline constexpr int attitude_level = 64;
 ///@}

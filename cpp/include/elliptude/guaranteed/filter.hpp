@@ -231,7 +231,7 @@ class GuaranteedFilter {
   /// \return what the measurements' `validate` says; `out_of_range` of too many directions, of an angular velocity
   /// given to a gyro's filter, which has it as input, of directions at no address, or, where nothing may be left out, of one beyond the
   /// `FilterDomain`, or of more than eight measurements of which some may be wrong; `empty_intersection` if they
-  /// contradict the prediction, or each other, and the policy is to say so.
+  /// contradict the prediction, the bound of the vector, or each other, and the policy is to say so.
   [[nodiscard]] Status update(const Measurements<Scalar>& measurements, GuaranteedUpdate<Scalar>& update) noexcept {
     return detail::FilterUpdate<Flow>(memory_).run(measurements, update);
   }

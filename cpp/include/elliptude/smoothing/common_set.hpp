@@ -23,12 +23,8 @@ template <typename State>
     return Status::not_finite;
   }
   const Matrix3<Scalar> attitude = set.shape.template topLeftCorner<3, 3>();
-  // The terms may cancel where the set is thin.
-  const Scalar width = g.cwiseAbs().dot(attitude.diagonal().cwiseSqrt());
-  const Scalar computed = g.dot(attitude.lazyProduct(g));
-  const Scalar square =
-      (computed > Scalar(0) ? computed : Scalar(0)) + rounding::share<Scalar>(rounding::component) * width * width;
-  const Scalar e = rounding::enlarged(Scalar(scalar::constant<Scalar>(0.5L) * scalar::sqrt(square)), rounding::product);
+  const Scalar e = rounding::enlarged(
+      Scalar(scalar::constant<Scalar>(0.5L) * scalar::sqrt(detail::square_from_above(attitude, g))), rounding::product);
   if (!(e <= scalar::constant<Scalar>(0.9L))) {
     return Status::unbounded;
   }

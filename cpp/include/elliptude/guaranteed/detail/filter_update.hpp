@@ -4,6 +4,8 @@
 /// A guaranteed filter's update by the measurements of one moment: the fusion, what a contradiction leads to, and what
 /// is taken up. (theory, sections 16.5 to 16.11)
 
+#include <utility>
+
 #include "elliptude/guaranteed/detail/contradiction.hpp"
 #include "elliptude/guaranteed/detail/filter_memory.hpp"
 #include "elliptude/guaranteed/update_constraints.hpp"
@@ -177,14 +179,13 @@ class FilterUpdate {
     bool has_vector = filter_.known.has_vector;
     if (!bounded && !filter_.known.has_attitude && !filter_.may_be_wrong() &&
         (all & angular_velocity_bit & ~result.dropped) != 0) {
-      if (const Status status = take_up(*measurements.angular_velocity, trust, vector, result); status != Status::ok) {
+      if (const Status status = take_up(*measurements.angular_velocity, trust, vector, has_vector, result);
+          status != Status::ok) {
         if (status == Status::empty_intersection) {
-          result.contradicting = angular_velocity_bit;
           report_contradiction(result, update);
         }
         return status;
       }
-      has_vector = true;
     }
     if (bounded) {
       used_ = filter_.may_be_wrong() ? 0 : all & ~result.dropped;
@@ -227,57 +228,79 @@ class FilterUpdate {
     }
   }
 
-  /// Where the attitude is unknown: what an angular velocity says of the vector, with what was known of it or in its
-  /// place.
-  /// \param vector what is known of it, if anything is.
-  /// \return the status of `fused_vector`, where nothing may be left out.
+  /// Where the attitude is unknown: what an angular velocity says of the vector within its bound, with what was known of
+  /// it or in its place. (theory, section 16.8)
+  /// \param vector what is known of it, if `has_vector`.
+  /// \return the status of `common_vector`, where nothing may be left out.
   [[nodiscard]] Status take_up(const AngularVelocity<Scalar>& rate, Trust& trust, Ellipsoid<Scalar, 3>& vector,
-                               GuaranteedUpdate<Scalar>& result) const noexcept {
-    const Ellipsoid<Scalar, 3> measured = with_least_width(Ellipsoid<Scalar, 3>{rate.value, rate.bound});
-    const Status status = filter_.known.has_vector ? fused_vector(measured, vector, result.margin) : Status::ok;
-    const bool may_drop =
-        filter_.settings.policy == Policy::drop_measurement || filter_.settings.policy == Policy::restart;
-    if (status != Status::ok && !may_drop) {
-      return status;
+                               bool& has_vector, GuaranteedUpdate<Scalar>& result) const noexcept {
+    VectorSets sets{with_least_width(Ellipsoid<Scalar, 3>{rate.value, rate.bound})};
+    std::size_t present = 1;
+    if (filter_.known.has_vector_bound) {
+      sets[present++] = filter_.known.vector_bound;
     }
+    sets[present] = with_least_width(vector);
+    Ellipsoid<Scalar, 3> next;
+    Status status = common_vector(sets, present + (has_vector ? 1 : 0), next, result.margin);
     if (status != Status::ok) {
+      result.contradicting = status == Status::empty_intersection ? angular_velocity_bit : 0;
+      if (filter_.settings.policy != Policy::drop_measurement && filter_.settings.policy != Policy::restart) {
+        return status;
+      }
       trust = filter_.trust;
-      trust.count(true, true);
+      trust.count(true, has_vector);
     }
     const bool is_due = trust.past_is_due(filter_.settings.regain_after);
-    if (is_due) {
-      trust.give_up_past(filter_.settings.regain_after);
+    if (is_due || (status != Status::ok && filter_.settings.policy == Policy::restart)) {
+      Scalar margin(1);
+      status = common_vector(sets, present, next, margin);
+      if (is_due && status == Status::ok) {
+        trust.give_up_past(filter_.settings.regain_after);
+      }
     }
-    if (!filter_.known.has_vector || is_due || (status != Status::ok && filter_.settings.policy == Policy::restart)) {
-      vector = measured;
-    } else if (status != Status::ok) {
+    if (status == Status::ok) {
+      vector = next;
+      has_vector = true;
+    } else {
       result.dropped |= angular_velocity_bit;
     }
     return Status::ok;
   }
 
-  /// The set of the vector: its bound, what is known, and what was measured.
-  /// \param margin set after `empty_intersection`.
-  [[nodiscard]] static Status fused_vector(const Ellipsoid<Scalar, 3>& measured, Ellipsoid<Scalar, 3>& vector,
-                                           Scalar& margin) noexcept {
-    Quadric<Scalar, 3> quadric;
-    if (const Status status =
-            to_quadric(Ellipsoid<Scalar, 3>{measured.center - vector.center, measured.shape}, quadric);
-        status != Status::ok) {
-      return status;
+  /// A measurement of the vector, its bound, and what is known of it.
+  using VectorSets = std::array<Ellipsoid<Scalar, 3>, 3>;
+
+  /// A set that holds what the first of these sets have in common, seen from the least of them: from far away a sharp
+  /// set is lost in rounding.
+  /// \param margin changed on failure.
+  [[nodiscard]] static Status common_vector(VectorSets sets, std::size_t count, Ellipsoid<Scalar, 3>& common,
+                                            Scalar& margin) noexcept {
+    std::size_t least = 0;
+    for (std::size_t i = 1; i < count; ++i) {
+      least = sets[i].shape.trace() < sets[least].shape.trace() ? i : least;
     }
-    const Ellipsoid<Scalar, 3> known{Vector3<Scalar>::Zero(), vector.shape};
+    std::swap(sets[0], sets[least]);
+    common = sets[0];
+    if (count == 1) {
+      return Status::ok;
+    }
+    const Ellipsoid<Scalar, 3> seen{Vector3<Scalar>::Zero(), sets[0].shape};
+    std::array<Quadric<Scalar, 3>, 2> quadrics;
     QuadricFusion<Scalar, 3> fusion;
-    const Status status = minimal_intersection(&known, &quadric, 1, SizeCriterion<Scalar, 3>::volume(), fusion);
-    if (status == Status::empty_intersection) {
-      margin = fusion.margin;
+    Status status = Status::ok;
+    for (std::size_t i = 1; i < count && status == Status::ok; ++i) {
+      status = to_quadric(Ellipsoid<Scalar, 3>{sets[i].center - sets[0].center, sets[i].shape}, quadrics[i - 1]);
+    }
+    if (status == Status::ok) {
+      status = minimal_intersection(&seen, quadrics.data(), count - 1, SizeCriterion<Scalar, 3>::volume(), fusion);
     }
     if (status != Status::ok) {
+      margin = status == Status::empty_intersection ? fusion.margin : Scalar(-1);
       return status;
     }
-    const Ellipsoid<Scalar, 3> fused = moved_by(vector.center, fusion.set);
+    const Ellipsoid<Scalar, 3> fused = moved_by(sets[0].center, fusion.set);
     if (can_be_kept(fused)) {
-      vector = fused;
+      common = fused;
     }
     return Status::ok;
   }
