@@ -181,6 +181,7 @@ class FilterSession {
       require(before.unchanged(), "nothing changed otherwise", what);
     } else {
       require(report.claim == filter_.claim(), "the report says what is claimed", what);
+      require_within_bound((report.dropped & angular_velocity_bit) == 0, what);
     }
     if (honest_) {
       require(status == Status::ok, "what is true is not refused", message(status));
@@ -188,6 +189,16 @@ class FilterSession {
               what);
     }
     check(what);
+  }
+
+  /// A rate that was taken up without an attitude does not contradict its bound: no later update could succeed.
+  void require_within_bound(bool took_rate_up, const char* what) const {
+    if (took_rate_up && measurements_.angular_velocity != nullptr && !filter_.knows_attitude() &&
+        filter_.knows_vector() && filter_.has_vector_bound()) {
+      double margin = 1;
+      const Status status = overlap_margin(filter_.vector(), filter_.vector_bound(), margin);
+      require(status != Status::ok || margin > -0.01, "what is known of the vector meets its bound", what);
+    }
   }
 
   /// One honest measurement and one that is not, of any size.
