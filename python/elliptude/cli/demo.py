@@ -17,7 +17,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude.cli.outputs import FIGURE, SUMMARY, finish, require_outputs
+from elliptude.cli.outputs import FIGURE, SUMMARY, finish, print_table, require_outputs
 from elliptude.cli.progress import progress_on
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.estimation import estimator as estimation
@@ -26,6 +26,8 @@ from elliptude.estimation.summary import SETTLED_UPDATE
 from elliptude.io.files import replacing, write_json
 from elliptude.io.toml import load_toml
 from elliptude.logs import log as logs
+from elliptude.report.estimated.measured import Measured
+from elliptude.report.estimated.stored import MEASURED
 from elliptude.simulation import fermi, scenarios
 from elliptude.simulation import simulated as simulation
 from elliptude.simulation.configured import configuration_tables
@@ -90,9 +92,7 @@ def demo(
     if as_json:
         typer.echo(json.dumps([vars(line) for line in lines], indent=2, ensure_ascii=False))
         return
-    terminal = Console()
-    # Cells that end in "..." are useless; a narrower terminal breaks the lines.
-    Console(width=max(terminal.width, 100)).print(_table(lines))
+    print_table(_table(lines))
     typer.echo(
         f"\nAttitude error and its bound, the largest angle in the set: means from the "
         f"{SETTLED_UPDATE}th update on.\n"
@@ -109,7 +109,7 @@ def _table(lines: list[_Line]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
     table.add_column("", no_wrap=True)
     table.add_column("mode", no_wrap=True)
-    for heading in ("error °", "bound °", "updates", "inside %", "worst %", "refused"):
+    for heading in ("error\n°", "bound\n°", "updates", "inside\n%", "worst\n%", "refused"):
         table.add_column(heading, justify="right", no_wrap=True)
     for line in lines:
         table.add_row(
@@ -148,7 +148,8 @@ def _scenario(name: str, directions: str, out: Path) -> list[_Line]:
             configuration = Configuration.model_validate(tables)
             if mode == "guaranteed" and not is_written:
                 configuration = configuration.with_best("none")  # an estimate beside the sets takes half of the time
-            estimated = estimation.estimate(logs.log_of(simulated.measurements), configuration)
+            log = logs.log_of(simulated.measurements)
+            estimated = estimation.estimate(log, configuration)
             by_noise[noise].append(estimated)
             if is_written:
                 folder = out / f"{name}-{directions}{ending}"
@@ -157,7 +158,7 @@ def _scenario(name: str, directions: str, out: Path) -> list[_Line]:
                 with replacing(folder / "estimate.toml") as temporary:
                     temporary.write_text(tomlkit.dumps(tables), encoding="utf-8")
                 title = f"{scenario.description}\n{directions} directions within {_BOUND_DEG:g}° and the rate"
-                _write(estimated, configuration, folder, title=title)
+                _write(log, estimated, configuration, folder, title=title)
         worst = np.concatenate([_forms_of_updates(one) for one in by_noise["perpendicular"]])
         lines.append(
             _line(
@@ -204,7 +205,7 @@ def _fermi(folder: Path) -> list[_Line]:
         configuration = read_configuration(place / "estimate.toml")
         log = logs.read_log(place / "measurements.csv", configuration)
         estimated = estimation.estimate(log, configuration)
-        _write(estimated, configuration, place, title=f"Fermi, 13 October 2015: {name}")
+        _write(log, estimated, configuration, place, title=f"Fermi, 13 October 2015: {name}")
         if mode == "first_order":
             about = fermi.half_widths_about(estimated.result, measurements.references[:, 0])
             runs.append((name, estimated.result, *about))
@@ -256,9 +257,13 @@ def _line(
     )
 
 
-def _write(estimated: Estimation, configuration: Configuration, out: Path, *, title: str) -> dict[str, Any]:
-    """Write results, figure and, last, the summary, which says that the folder is complete."""
-    (out / SUMMARY).unlink(missing_ok=True)
+def _write(log: logs.Log, estimated: Estimation, configuration: Configuration, out: Path, *, title: str) -> None:
+    """Write results, measurements, figure and, last, the summary, which says that the folder is complete."""
+    for name in (SUMMARY, MEASURED):
+        (out / name).unlink(missing_ok=True)
     estimated.result.write(out / "results.csv")
     summary = estimation.summarize(estimated, configuration)
-    return finish(estimated.result, summary, configuration, out, "results.csv", title)
+    measured = Measured(configuration)
+    measured.add(log)
+    measured.add_left_out(estimated.result)
+    finish(estimated.result, summary, configuration, out, "results.csv", title, measured=measured.sensors())

@@ -37,6 +37,7 @@ from elliptude.logs import log as logs
 from elliptude.logs import plausibility
 from elliptude.logs.repair import Repaired, Survey
 from elliptude.report.estimated.measured import Measured
+from elliptude.report.estimated.stored import MEASURED
 from elliptude.report.run import read_run
 from elliptude.report.thinning import Thinned
 from elliptude.results import IF_PROPOSED_BOUNDS_HOLD
@@ -98,10 +99,10 @@ def estimate(
 ) -> None:
     """Estimate attitudes and their bounds from a log of measurements.
 
-    Writes a table of results, a figure and, last, summary.json; in the guaranteed mode also dropped.csv, every
-    measurement that was left out; with --report also the page that `elliptude report` makes. Where the configuration
-    names a truth to compare with, they say how far off the estimates are and how often the truth lies inside the set.
-    The exit code is 1 if no row has a set and none says where up is.
+    Writes a table of results, samples of what was measured, a figure and, last, summary.json; in the guaranteed mode
+    also dropped.csv, every measurement that was left out; with --report also the page that `elliptude report` makes.
+    Where the configuration names a truth to compare with, they say how far off the estimates are and how often the
+    truth lies inside the set. The exit code is 1 if no row has a set and none says where up is.
     """
     configuration = with_repair(read_configuration(config), repair)
     if ignore_implausible:
@@ -117,7 +118,7 @@ def estimate(
         if configuration.estimator.mode != "guaranteed":
             raise FileError("--best needs estimator.mode = 'guaranteed'")
         configuration = configuration.with_best(best)
-    files = [out / f"results.{format}", out / FIGURE, out / SUMMARY]
+    files = [out / f"results.{format}", out / MEASURED, out / FIGURE, out / SUMMARY]
     if configuration.estimator.mode == "guaranteed":
         files.insert(1, out / _DROPPED)
     if report is not None:
@@ -131,14 +132,11 @@ def estimate(
     require_outputs(written, force=force, folder=out, read=[log, config], endings={report: PAGE})
     source = recording(log)
     with _making(out), progress_on(Console(stderr=True), "{task.completed:,} rows") as progress:
-        measured = Measured(configuration)
-        summary = _estimate_pieces(source, configuration, out, files[0].name, progress, smooth, axes, measured)
+        summary = _estimate_pieces(source, configuration, out, files[0].name, progress, smooth, axes)
         other.unlink(missing_ok=True)  # of an earlier estimation: a folder of results has one table
         if report is not None:
             run, label = read_run(out)
-            html_report.write_report(
-                replace(run, axes=axes), report, source.name, label=label, measured=measured.sensors()
-            )
+            html_report.write_report(replace(run, axes=axes), report, source.name, label=label)
     if as_json:
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
     else:
@@ -253,7 +251,6 @@ def _estimate_pieces(
     progress: Progress,
     smooth: bool,
     axes: ErrorAxes,
-    measured: Measured,
 ) -> dict[str, Any]:
     """Read, estimate and write piece by piece: memory does not grow with the log."""
     task = progress.add_task("Reading", total=None)
@@ -266,7 +263,7 @@ def _estimate_pieces(
     at_once = configuration.estimator.mode == "guaranteed"
     if at_once:
         pieces = _counted(pieces, progress, task)
-    summary, thinned = Summary(), Thinned()
+    summary, thinned, measured = Summary(), Thinned(), Measured(configuration)
     try:
         with writing_columns(out / table, "results", heard.notes) as write:
             for result in estimator.run(_measured(pieces, measured)):
@@ -279,7 +276,9 @@ def _estimate_pieces(
                 if not at_once:
                     measured.add_left_out(result)
             progress.update(task, description="Writing")
-            (out / SUMMARY).unlink(missing_ok=True)
+            # Of an earlier estimation: the new table is not of it.
+            for name in (SUMMARY, MEASURED, _DROPPED):
+                (out / name).unlink(missing_ok=True)
     except ValueError as error:  # also sets that do not meet
         raise FileError(f"{log}: {error}") from error
     if estimator.guaranteed is not None:

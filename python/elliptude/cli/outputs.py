@@ -4,11 +4,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rich.cells import cell_len
+from rich.console import Console
+from rich.table import Table
+
 from elliptude.bounds.angles.about_axes import ErrorAxes
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError, require_writable, write_json
 from elliptude.io.tables import Result
-from elliptude.report.estimated.measured import MeasuredSensor
+from elliptude.report.estimated.stored import MEASURED, MeasuredSensor, write_measured
 
 PAGE = (".html", ".htm")
 """What the names of pages end in."""
@@ -17,6 +21,8 @@ RECORDING = (".rrd",)
 CONFIGURATION = (".toml",)
 """What the names of configurations, rules and calibrations end in."""
 FIGURE, SUMMARY = "estimate.png", "summary.json"
+# Wider than any table.
+_WIDE = 1000
 
 
 def require_outputs(
@@ -64,6 +70,16 @@ def require_outputs(
             raise FileError(f"{file} is there already; --force replaces it")
 
 
+def print_table(table: Table) -> None:
+    """Print a table as wide as the terminal, or as wide as it must be: cells that end in "..." are useless."""
+    for column in table.columns:
+        if column.no_wrap:
+            lines = "\n".join(map(str, (column.header, *column.cells))).split("\n")
+            column.min_width = max(map(cell_len, lines))
+    least = Console(width=_WIDE).measure(table).minimum
+    Console(width=max(Console().width, least)).print(table)
+
+
 def finish(
     drawn: Result,
     summary: dict[str, Any],
@@ -75,10 +91,11 @@ def finish(
     axes: ErrorAxes = "reference",
     measured: Sequence[MeasuredSensor] = (),
 ) -> dict[str, Any]:
-    """Draw the figure and write the summary, last: it says that the folder is complete."""
+    """Write what was measured, draw the figure, and write the summary, last: it says that the folder is complete."""
     from elliptude.report import figures
     from elliptude.report.estimated import picture
 
+    write_measured(out / MEASURED, measured, drawn.origin)
     label = configuration.truth.label if configuration.truth is not None else "truth"
     figure = picture.estimate_figure(
         drawn,

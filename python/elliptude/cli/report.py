@@ -43,7 +43,7 @@ ReferenceLabel: TypeAlias = Annotated[
     str | None, typer.Option(help="What the reference attitude is called.", show_default=False)
 ]
 
-_PICTURES = ("angles.png", "bands.png", "size.png", "axes.png")
+_PICTURES = ("angles.png", "bands.png", "size.png", "axes.png", "measured.png")
 
 
 def make_report(
@@ -181,8 +181,9 @@ def _title(run: Run, result: Path) -> str:
 
 
 def _write_pictures(run: Run, folder: Path, title: str, label: str) -> list[Path]:
-    """The files that were written: one of roll, pitch and yaw only if the table has them."""
+    """The files that were written: roll, pitch and yaw, and measurements, only where the result has them."""
     from elliptude.report import figures, run_figures
+    from elliptude.report.estimated import drawn as measured
 
     drawn = {
         "bands.png": run_figures.bands_figure(run, title, label=label),
@@ -191,6 +192,8 @@ def _write_pictures(run: Run, folder: Path, title: str, label: str) -> list[Path
     }
     if run.roll_pitch_yaw is not None:
         drawn = {"angles.png": run_figures.angles_figure(run, title, label=label)} | drawn
+    if run.measured:
+        drawn["measured.png"] = measured.measured_figure(run, title)
     for name, figure in drawn.items():
         figures.save(figure, folder / name)
     return [folder / name for name in drawn]

@@ -28,7 +28,7 @@ from elliptude.typing import FloatArray
 VERSION = 1
 """Version of the format. A reader takes this version and older ones; a new column does not make a new version."""
 
-Kind: TypeAlias = Literal["measurements", "results", "dropped", "monitor"]
+Kind: TypeAlias = Literal["measurements", "results", "dropped", "measured", "monitor"]
 _ORIGIN = re.compile(r"time_s counts from (-?\d+) s")
 Column: TypeAlias = FloatArray | Sequence[str]
 
@@ -42,7 +42,7 @@ def write_columns(path: str | os.PathLike[str], kind: Kind, columns: Mapping[str
     ----------
     path : path-like
         Ends in ``.csv`` or ``.parquet``.
-    kind : {"measurements", "results", "dropped"}
+    kind : {"measurements", "results", "dropped", "measured"}
         Written into the file, with the version of the format.
     columns : mapping of str to array of shape (N,), or to N texts
         NaN becomes an empty cell. Texts hold no comma, quote or line break.
@@ -244,6 +244,63 @@ def read_columns(
     table = source.read(wanted, texts)
     if table.num_rows == 0:
         raise FileError(f"{path}: a header, but no rows below it")
+    columns = _numbers_of(source, table, wanted, required, groups)
+    source.refuse(np.diff(columns[time], prepend=-np.inf) <= 0.0, time, "not after the time of the row before")
+    return columns | {name: np.array(table[name].to_pylist(), dtype=object) for name in texts}
+
+
+def read_events(
+    path: str | os.PathLike[str],
+    kind: Kind,
+    *,
+    numbers: Iterable[str] = (),
+    optional: Iterable[tuple[str, ...]] = (),
+    texts: Iterable[str],
+    ordered_in: str | None = None,
+) -> dict[str, NDArray[Any]]:
+    """Read a table with a row for each event, of which several may be at a time, and which may have none.
+
+    Parameters
+    ----------
+    path : path-like
+    kind : str
+    numbers, texts : iterable of str
+        Columns of finite numbers and of text.
+    optional : iterable of tuple of str
+        As of `read_columns`.
+    ordered_in : str, optional
+        The column of text whose rows with the same word are in order of time; all rows are if left out.
+
+    Returns
+    -------
+    dict of str to array
+        With ``time_s``, each shape (n,); NaN for an empty cell, texts as objects.
+
+    Raises
+    ------
+    FileError
+        If it is no such table; the message names file, line and column.
+    """
+    source, numbers, groups, texts = _open(path, kind), ["time_s", *numbers], list(optional), list(texts)
+    wanted = [*numbers, *(name for group in groups for name in group)]
+    require_columns(source, [*wanted, *texts])
+    table = source.read(wanted, texts)
+    columns: dict[str, NDArray[Any]] = _numbers_of(source, table, wanted, numbers, groups)
+    columns |= {name: np.array(table[name].to_pylist(), dtype=object) for name in texts}
+    times = columns["time_s"]
+    words = np.zeros(len(times), dtype=object) if ordered_in is None else columns[ordered_in]
+    is_before = np.zeros(len(times), dtype=np.bool_)
+    for word in set(words):
+        rows = np.flatnonzero(words == word)
+        is_before[rows[1:]] = np.diff(times[rows]) < 0.0
+    source.refuse(is_before, "time_s", f"before the time of the row before{f' of its {ordered_in}' * bool(ordered_in)}")
+    return columns
+
+
+def _numbers_of(
+    source: Table, table: pa.Table, wanted: Sequence[str], required: Sequence[str], groups: Sequence[tuple[str, ...]]
+) -> dict[str, FloatArray]:
+    """Columns of finite numbers, of which the required ones have no empty cell, the others only all of their group."""
     columns: dict[str, NDArray[np.float64]] = {}
     empty: dict[str, NDArray[np.bool_]] = {}
     for name in wanted:
@@ -254,45 +311,11 @@ def read_columns(
         )
     for name in required:
         source.refuse(empty[name], name, "empty")
-    source.refuse(np.diff(columns[time], prepend=-np.inf) <= 0.0, time, "not after the time of the row before")
     for group in groups:
         some = np.any([empty[name] for name in group], axis=0)
         for name in group:
             source.refuse(some & ~empty[name], name, f"a number, but {' '.join(group)} are empty only together")
-    return columns | {name: np.array(table[name].to_pylist(), dtype=object) for name in texts}
-
-
-def read_events(
-    path: str | os.PathLike[str], kind: Kind, *, numbers: Iterable[str], texts: Iterable[str]
-) -> dict[str, NDArray[Any]]:
-    """Read a table with a row for each event, of which several may be at a time, and which may have none.
-
-    Parameters
-    ----------
-    path : path-like
-    kind : str
-    numbers, texts : iterable of str
-        Columns of finite numbers and of text.
-
-    Returns
-    -------
-    dict of str to array
-        With ``time_s``, each shape (n,); texts as objects.
-
-    Raises
-    ------
-    FileError
-        If it is no such table; the message names file, line and column.
-    """
-    source, numbers, texts = _open(path, kind), ["time_s", *numbers], list(texts)
-    require_columns(source, [*numbers, *texts])
-    table = source.read(numbers, texts)
-    columns: dict[str, NDArray[Any]] = {}
-    for name in numbers:
-        columns[name] = np.array(table[name].to_numpy(), dtype=np.float64)
-        source.refuse(~np.isfinite(columns[name]), name, "not a finite number")
-    source.refuse(np.diff(columns["time_s"], prepend=-np.inf) < 0.0, "time_s", "before the time of the row before")
-    return columns | {name: np.array(table[name].to_pylist(), dtype=object) for name in texts}
+    return columns
 
 
 def _open(path: str | os.PathLike[str], kind: Kind | None = None) -> Table:

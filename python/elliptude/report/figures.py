@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
@@ -182,7 +183,7 @@ def about_line_figure(
     """
     figure = new_figure(7.2)
     figure.suptitle(title, fontsize=11)
-    widths, errors, forms = figure.subplots(3, 1, sharex=True, height_ratios=[1.5, 1.3, 1.0])
+    widths, errors, used = figure.subplots(3, 1, sharex=True, height_ratios=[1.5, 1.3, 1.0])
     for (name, result, about, across), (strong, light) in zip(runs, _TONES, strict=False):
         widths.plot(time, np.rad2deg(about), color=strong, linewidth=1.5, label=f"{name}:\nabout the {line}")
         widths.plot(time, np.rad2deg(across), color=light, linewidth=1.5, label="across it")
@@ -198,8 +199,11 @@ def about_line_figure(
         plain_log_axis(axes)
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=9)
     colours = [strong for strong, _ in _TONES]
-    draw_form(forms, time, [(name, run.forms, colour) for (name, run, *_), colour in zip(runs, colours, strict=False)])
-    forms.set_xlabel("time (s)")
+    draw_bound_used(
+        used, time, [(name, run.forms, colour) for (name, run, *_), colour in zip(runs, colours, strict=False)]
+    )
+    used.set_xlabel("time (s)")
+    used.set_xlim(float(time[0]), float(time[-1]))
     return figure
 
 
@@ -279,6 +283,30 @@ def new_figure(height: float) -> Figure:
     return figure
 
 
+def legend_below(figure: Figure, entries: Mapping[str, Artist], columns: int = 4) -> None:
+    """Put one legend below everything, in at most so many columns, and in no more than fit.
+
+    Parameters
+    ----------
+    figure : Figure
+    entries : mapping of str to Artist
+        Nothing is put without any.
+    columns : int
+    """
+    for ncols in range(min(len(entries), columns), 0, -1):
+        legend = figure.legend(
+            list(entries.values()),
+            list(entries),
+            loc="outside lower center",
+            ncols=ncols,
+            frameon=False,
+            fontsize=9,
+        )
+        if ncols == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            return
+        legend.remove()
+
+
 def shade_unknown(axes: Axes, time: FloatArray, known: NDArray[np.bool_]) -> None:
     """Grey where what a panel shows is not known.
 
@@ -325,15 +353,18 @@ def error_limit(bounds: FloatArray, errors: FloatArray | None) -> float:
     return 1.15 * highest if highest > 0.0 else 1.0
 
 
-def draw_form(
+def draw_bound_used(
     axes: Axes,
     time: FloatArray,
     curves: Sequence[tuple[str, FloatArray | None, str]],
     inside_share: float | None = None,
     **marks: Any,
 ) -> None:
-    """The form of the truth over time, with the edge of the set at 1 and the share inside in the title."""
-    axes.axhline(1.0, color=ORANGE if len(curves) == 1 else BLACK, linewidth=1.2, linestyle="--")
+    """How much of its bound the error uses over time: √form, what the error is of what the set reaches its way, %.
+
+    The edge of the set is at 100 %, and the title has the share of rows inside.
+    """
+    axes.axhline(100.0, color=ORANGE if len(curves) == 1 else BLACK, linewidth=1.2, linestyle="--")
     shares, highest = [], 1.0
     for name, forms, colour in curves:
         known = None if forms is None else forms[np.isfinite(forms)]
@@ -343,16 +374,16 @@ def draw_form(
             )
             shares.append("not known")
             continue
-        axes.plot(time, forms, color=colour, linewidth=0.9, **marks)
+        axes.plot(time, 100.0 * np.sqrt(forms), color=colour, linewidth=0.9, **marks)
         share = f"{100.0 * (float(np.mean(known <= 1.0)) if inside_share is None else inside_share):.4g} %"
         shares.append(share if len(curves) == 1 else f"{name} {share}")
         highest = max(highest, float(known.max()))
-    axes.set_ylim(0.0, 1.15 * highest)
+    axes.set_ylim(0.0, 115.0 * np.sqrt(highest))
     if highest > _FAR_OUT:  # otherwise the edge would not be visible
         plain_log_axis(axes)
-        axes.set_ylim(1e-2, 2.0 * min(highest, _HIGHEST_FORM**2))
-    axes.set_title(f"place in the set (its edge at 1); inside: {', '.join(shares)}", fontsize=9.5)
-    axes.set_ylabel(r"$x^\mathsf{T}P^{-1}x$ (-)")
+        axes.set_ylim(10.0, 150.0 * np.sqrt(min(highest, _HIGHEST_FORM**2)))
+    axes.set_title(f"how much of its bound the error uses; inside: {', '.join(shares)}", fontsize=9.5)
+    axes.set_ylabel("of its bound (%)")
 
 
 def log_ticks(low: float, high: float) -> list[float]:

@@ -6,7 +6,6 @@ Curves are drawn at chosen rows (`elliptude.report.thinning.chosen_rows`), the s
 
 import json
 import os
-from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 from importlib import resources
@@ -21,7 +20,7 @@ from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT, UP
 from elliptude.io.files import FileError, replacing
 from elliptude.report.curves import AMBER, GREY, PIECES, plots_over_time
 from elliptude.report.estimated.curves import measured_plot
-from elliptude.report.estimated.measured import MeasuredSensor
+from elliptude.report.figures import BLUE
 from elliptude.report.run import SPELL_GAP, DroppedMeasurements, Run, Spell
 from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, claim_label
 from elliptude.report.sphere import frame_rows, sphere_frames, sphere_plot
@@ -141,14 +140,7 @@ def _spread(values: FloatArray) -> dict[str, float] | None:
     return {"median": float(np.median(values)), "mean": float(values.mean()), "largest": float(values.max())}
 
 
-def write_report(
-    run: Run,
-    path: str | os.PathLike[str],
-    title: str,
-    *,
-    label: str = "truth",
-    measured: Sequence[MeasuredSensor] = (),
-) -> dict[str, Any]:
+def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: str = "truth") -> dict[str, Any]:
     """Write the report, in whole or not at all.
 
     Parameters
@@ -159,8 +151,6 @@ def write_report(
     title : str
     label : str
         What the run is compared with.
-    measured : sequence of MeasuredSensor
-        What the sensors measured; nothing is shown of it without.
 
     Returns
     -------
@@ -179,9 +169,9 @@ def write_report(
     spells = run.refusal_spells()
     each = _each(run.listed)
     plots = plots_over_time(run, rows, label, spells)
-    if measured:
+    if run.measured:
         margin = max((plot["layout"]["margin"]["l"] for plot in plots.values()), default=0)
-        plots["measured"] = measured_plot(run, measured, margin)
+        plots["measured"] = measured_plot(run, margin)
     plots["sphere"] = sphere_plot(bool(run.compared.any()), label)
     data = {"plots": plots, "frames": sphere_frames(run, shown), "dropped": each}
     compares = summary["compared_with"] is not None
@@ -193,14 +183,15 @@ def write_report(
         "summary": _summary_table(summary),
         "key": _key(label if compares else None),
         "magnified": _magnified(run.magnification(shown)),
+        "axes": _reference_axes(run),
         "angles_hidden": "" if "angles" in plots else "hidden",
         "angles_note": _angles_note(run) + _shaded(plots.get("angles")),
         "bands_heading": "Attitude error and its bound" if compares else "Bound of the attitude error",
         "bands_note": _bands_note(run) + _shaded(plots.get("bands")),
         "size_hidden": "" if "size" in plots else "hidden",
         "bands_hidden": "" if "bands" in plots else "hidden",
-        "measured_note": "Where it is grey, there was no sample." if any(one.gaps for one in measured) else "",
-        "measured_hidden": "" if measured else "hidden",
+        "measured_note": "Where it is grey, there was no sample." if any(one.gaps for one in run.measured) else "",
+        "measured_hidden": "" if run.measured else "hidden",
         "strip_hidden": "" if "strip" in plots else "hidden",
         "strip_heading": _strip_heading(run, spells),
         "strip_key": _strip_key(run),
@@ -458,12 +449,19 @@ def _strip_key(run: Run) -> str:
 
 def _key(label: str | None) -> str:
     entries = [
-        f'<span><i style="background:{colour}"></i>body {axis}</span>'
+        f'<span><i style="background:{"var(--blue)" if colour == BLUE else colour}"></i>body {axis}</span>'
         for colour, axis in zip(AXIS_COLOURS, "xyz", strict=True)
     ]
     if label is not None:
         entries.append(f'<span><i style="background:var(--ink)"></i>{escape(label)}</span>')
     return "".join(entries)
+
+
+def _reference_axes(run: Run) -> str:
+    """The reference axes as the sphere has them, with what they are called."""
+    names = replace(run, axes="reference").about_axes().names
+    letters = [axis if axis == name else f"{axis} ({name})" for axis, name in zip("XYZ", names, strict=True)]
+    return ", ".join(letters)
 
 
 def _magnified(factor: int) -> str:

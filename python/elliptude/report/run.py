@@ -14,6 +14,7 @@ A table of results (docs/tables.md) may have empty cells where nothing is known,
     These angles, and between which ones the truth is.
 
 In the guaranteed mode ``dropped.csv`` beside it lists each measurement that was left out, and by how much.
+``measured.csv`` has what the sensors measured.
 """
 
 from __future__ import annotations
@@ -50,6 +51,7 @@ from elliptude.io.tables import (
 )
 from elliptude.logs.reference_attitudes import Reference, attitudes_at
 from elliptude.report.body_axes import turns
+from elliptude.report.estimated.stored import MEASURED, MeasuredSensor, read_measured
 from elliptude.results import CLAIMS, Claim
 from elliptude.typing import Chart, FloatArray
 
@@ -167,6 +169,8 @@ class Run:
     """The same about each body axis, shape (N, 6)."""
     listed: DroppedMeasurements | None = None
     """Every measurement that was left out by itself; None without a list."""
+    measured: tuple[MeasuredSensor, ...] = ()
+    """What the sensors measured; empty if nothing says it."""
     void: tuple[str, ...] = ()
     """Sensors that were left out from beginning to end because they contradict their own bounds."""
     heading_from_start: bool = False
@@ -432,6 +436,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     if len(used_charts) > 1:
         raise FileError(f"{table}: column 'chart' changes; one table has one chart")
     summary, beside = _read_summary(table.with_name("summary.json")), table.with_name("dropped.csv")
+    measured = table.with_name(MEASURED)
     single: dict[str, Any] = {field: columns.get(name) for field, name in _SINGLE_COLUMNS.items()}
     run = Run(
         times=columns["time_s"],
@@ -453,6 +458,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         turns_reference=stacked_if_there(columns, TURNS_REFERENCE),
         turns_body=stacked_if_there(columns, TURNS_BODY),
         listed=_read_dropped(beside) if claims is not None and beside.is_file() else None,
+        measured=read_measured(measured) if measured.is_file() else (),
         void=summary.void,
         heading_from_start=summary.heading_from_start,
         gaps=summary.gaps,
@@ -489,7 +495,8 @@ def files_of_run(result: Path) -> list[Path]:
         Not all of them need be there.
     """
     folder = result if result.is_dir() else result.parent
-    return [result, *(folder / name for name in ("results.csv", "results.parquet", "summary.json", "dropped.csv"))]
+    names = ("results.csv", "results.parquet", "summary.json", "dropped.csv", MEASURED)
+    return [result, *(folder / name for name in names)]
 
 
 def _table_of(result: Path) -> Path:

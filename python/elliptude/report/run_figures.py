@@ -5,6 +5,7 @@ it left out.
 """
 
 from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -32,6 +33,7 @@ from elliptude.report.figures import (
     draw_roll_pitch_yaw,
     entitle,
     error_limit,
+    legend_below,
     new_figure,
     plain_log_axis,
     shade_unknown,
@@ -214,7 +216,7 @@ def axes_figure(run: Run, title: str, *, times: Sequence[float] | None = None, l
     factor = run.magnification(rows)
     magnified = [f"sets and errors drawn {factor} times as large"] if factor > 1 else []
     entitle(figure, title, run.bounds_from_recording, *magnified)
-    view = _view()
+    view, names = _view(), replace(run, axes="reference").about_axes().names
     panels = figure.subplots(lines, columns, squeeze=False).ravel()
     attitudes, true_axes = run.attitudes, run.true_axes(factor)
     for panel in panels:
@@ -223,7 +225,7 @@ def axes_figure(run: Run, title: str, *, times: Sequence[float] | None = None, l
         panel.set_xlim(-1.24, 1.24)
         panel.set_ylim(-1.24, 1.24)
     for panel, row in zip(panels, rows, strict=False):
-        _draw_sphere(panel, view)
+        _draw_sphere(panel, view, names)
         is_drawn = True
         for i in range(3):
             patch = axis_patches(
@@ -256,7 +258,7 @@ def axes_figure(run: Run, title: str, *, times: Sequence[float] | None = None, l
     handles.append(Line2D([], [], color=GREY, marker="o", fillstyle="none", linestyle=":", label="behind the sphere"))
     if np.isfinite(true_axes[rows]).any():
         handles.append(Line2D([], [], color=BLACK, marker="x", linestyle="none", label=label))
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    legend_below(figure, {str(one.get_label()): one for one in handles}, 2)
     return figure
 
 
@@ -316,7 +318,7 @@ def monitor_figure(monitored: Monitored, title: str, *, proposed_from: str | Non
     heading = "how far the estimate can be off" + ("" if lanes else "; no alarm")
     panels[0].set_title(heading, fontsize=9.5)
     if strip is not None:
-        edges = np.append(times, _span(monitored.times)[1])
+        edges = np.append(times, time_span(monitored.times)[1])
         for lane, (flags, colour) in enumerate(lanes.values()):
             is_alarm = np.logical_or.reduceat(flags.any(axis=1), starts)
             spans = [(edges[k], edges[k + 1] - edges[k]) for k in np.flatnonzero(is_alarm)]
@@ -328,12 +330,10 @@ def monitor_figure(monitored: Monitored, title: str, *, proposed_from: str | Non
             strip.spines[side].set_visible(False)
     lowest = strip or panels[-1]
     lowest.set_xlabel("time (s)")
-    lowest.set_xlim(*_span(monitored.times))
+    lowest.set_xlim(*time_span(monitored.times))
     entries = {text: one for panel in panels for one, text in zip(*panel.get_legend_handles_labels(), strict=True)}
-    if entries:
-        texts = sorted(entries, key=lambda text: (not text.startswith("bound"), not text.startswith("off"), len(text)))
-        handles = [entries[text] for text in texts]
-        figure.legend(handles, texts, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    texts = sorted(entries, key=lambda text: (not text.startswith("bound"), not text.startswith("off"), len(text)))
+    legend_below(figure, {text: entries[text] for text in texts}, 3)
     return figure
 
 
@@ -369,11 +369,12 @@ def _over_time(run: Run, title: str, count: int, height: float) -> tuple[Figure,
     ratios = [1.0] * count + ([0.06 * lanes * count] if lanes else [])
     panels = figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, squeeze=False).ravel().tolist()
     panels[-1].set_xlabel("time (s)")
-    panels[-1].set_xlim(*_span(run.times))
+    panels[-1].set_xlim(*time_span(run.times))
     return figure, panels[:count], panels[count] if lanes else None
 
 
-def _span(times: FloatArray) -> tuple[float, float]:
+def time_span(times: FloatArray) -> tuple[float, float]:
+    """What a time axis shows, s: from the first time to the last one."""
     return (float(times[0]), float(times[-1])) if len(times) > 1 else (float(times[0]) - 0.5, float(times[0]) + 0.5)
 
 
@@ -422,7 +423,7 @@ def _finish(
     if strip is not None:
         names, lanes = _names(run), _lane_names(run)
         some = pieces(len(run.times), _MOST_STRIP_PIECES)
-        edges = np.append(run.times[[piece.start for piece in some]], _span(run.times)[1])
+        edges = np.append(run.times[[piece.start for piece in some]], time_span(run.times)[1])
 
         def bars(
             lane: int,
@@ -463,7 +464,7 @@ def _finish(
         strip.tick_params(axis="y", length=0)
         for side in ("top", "right", "left"):
             strip.spines[side].set_visible(False)
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4), frameon=False, fontsize=9)
+    legend_below(figure, dict(zip(labels, handles, strict=True)))
 
 
 def _rows_at(run: Run, times: Sequence[float] | None) -> NDArray[np.intp]:
@@ -483,7 +484,7 @@ def _view() -> FloatArray:
     return np.array([right, np.cross(towards, right), towards])
 
 
-def _draw_sphere(panel: Axes, view: FloatArray) -> None:
+def _draw_sphere(panel: Axes, view: FloatArray, names: Sequence[str]) -> None:
     """Its limb, the circles of the reference planes, and where the reference axes come out."""
     panel.add_patch(Circle((0.0, 0.0), 1.0, facecolor="#FAFAFA", edgecolor=GREY, linewidth=0.9, zorder=0))
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
@@ -497,14 +498,15 @@ def _draw_sphere(panel: Axes, view: FloatArray) -> None:
         tip = view[:, i]
         panel.plot(*tip[:2], ".", color=GREY, markersize=4, zorder=2)
         panel.annotate(
-            ("X", "Y", "Z")[i],
+            names[i],
             (tip[0], tip[1]),
-            xytext=(1.13 * tip[0], 1.13 * tip[1]) if np.hypot(*tip[:2]) > 0.85 else (tip[0], tip[1] + 0.09),
+            # The names of the body's axes are above theirs, to the right.
+            xytext=(tip[0] - 0.13, 1.13 * tip[1]) if i == 2 else (tip[0], tip[1] - 0.1),
             color=GREY,
             fontsize=8,
             ha="center",
             va="center",
-            zorder=2,
+            zorder=6,
         )
 
 

@@ -1,4 +1,4 @@
-"""Curves over time: roll, pitch and yaw, errors and their bounds, how far the attitude may be off; claims."""
+"""Curves over time: roll, pitch and yaw, errors and their bounds, how far it may be off; claims; what was measured."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -6,9 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT
+from elliptude.report.estimated.drawn import heading_of
+from elliptude.report.estimated.stored import MeasuredSensor
 from elliptude.report.figures import HEADING_COLOUR, TILT_COLOUR, cut_at_wraps, true_roll_pitch_yaw
 from elliptude.report.run import Run, Spell
-from elliptude.report.run_figures import CLAIM_COLOURS, claims_of_up
+from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, claims_of_up
 from elliptude.report.thinning import chosen_rows
 from elliptude.typing import FloatArray
 from elliptude.view.globe import TRUTH_COLOUR
@@ -19,7 +21,7 @@ PIECES = 2000
 ANGLES = ("roll", "pitch", "yaw")
 
 # On white and on black.
-_ESTIMATE_COLOUR, _BOUND_COLOUR, _SIZE_COLOUR = "#2A93D1", "#8A8F98", "#D55E00"
+_ESTIMATE_COLOUR, _BOUND_COLOUR, _SIZE_COLOUR, _LEFT_OUT_COLOUR = "#2A93D1", "#8A8F98", "#D55E00", "#E0202B"
 _WHY = {
     "dropped": "contradicted the prediction or one another",
     "refused": "did not meet the prediction",
@@ -40,6 +42,8 @@ class Curves(NamedTuple):
     """Whether there are lanes for claims."""
     left_out: bool
     """Whether any measurement was left out."""
+    sensors: tuple[tuple[str, str], ...]
+    """Where what each sensor measured is, and what the plot is called."""
 
 
 def send_curves(stream: Stream, run: Run, label: str) -> Curves:
@@ -85,7 +89,10 @@ def send_curves(stream: Stream, run: Run, label: str) -> Curves:
     _send_plot(stream, "size", times, drawn)
     spells = run.refusal_spells()
     _send_left_out(stream, spells)
-    return Curves(len(rows), run.roll_pitch_yaw is not None, shown.names, _send_claims(stream, run), bool(spells))
+    sensors = tuple(_send_measured(stream, sensor) for sensor in run.measured)
+    return Curves(
+        len(rows), run.roll_pitch_yaw is not None, shown.names, _send_claims(stream, run), bool(spells), sensors
+    )
 
 
 def _send_plot(stream: Stream, path: str, times: FloatArray, curves: Mapping[str, tuple[FloatArray, str]]) -> None:
@@ -112,6 +119,22 @@ def _send_angles(stream: Stream, times: FloatArray, angles: FloatArray, true: Fl
         if true is not None:
             cut, value = cut_at_wraps(times, np.rad2deg(true[:, i]))
             _send_plot(stream, f"angles/{name}/reference", cut, {label: (value, TRUTH_COLOUR)})
+
+
+def _send_measured(stream: Stream, sensor: MeasuredSensor) -> tuple[str, str]:
+    """What a sensor measured, in body axes, with marks where it was left out; where that is, and what it is called."""
+    path = stream.rr.new_entity_path(["measured", sensor.name])
+    curves = {axis: (sensor.values[:, i], AXIS_COLOURS[i]) for i, axis in enumerate("xyz")}
+    _send_plot(stream, f"{path}/axes", sensor.times, curves)
+    if len(sensor.left_out):
+        colours = stream.colours([_LEFT_OUT_COLOUR])
+        points = stream.rr.SeriesPoints(names="left out", colors=colours, markers="cross", marker_sizes=3.0)
+        stream.still(f"{path}/left_out", points)
+        heights = np.full((len(sensor.left_out), 1), float(np.nanmin(sensor.values)))
+        stream.scalars(f"{path}/left_out", sensor.left_out, heights)
+    name, *more = heading_of(sensor)
+    said = f"{name}, {' '.join(more)}" if sensor.kind else " ".join([name, *more])
+    return path, said + "; red: left out" * bool(len(sensor.left_out))
 
 
 def _send_claims(stream: Stream, run: Run) -> bool:

@@ -49,6 +49,9 @@ def layout(stream: Stream, run: Run, curves: Curves, magnification: int) -> Any:
     if curves.angles:
         panels = (plot(f"angles/{name}", f"{name.capitalize()} (°)", i == 0) for i, name in enumerate(ANGLES))
         tabs.insert(0, rrb.Vertical(*panels, name="Roll, pitch, yaw"))
+    if curves.sensors:
+        panels = (plot(path, name, i == 0) for i, (path, name) in enumerate(curves.sensors))
+        tabs.append(rrb.Vertical(*panels, name="What the sensors measured"))
     right = [rrb.Tabs(*tabs, active_tab=0), plot("size", "How far the attitude may be off (°)")]
     if curves.claims:
         right.append(rrb.StateTimelineView(origin="claims", name="Claims", time_view=axis))

@@ -40,7 +40,12 @@ def test_estimate(tmp_path, simulated, suffix):
     assert done.exit_code == 0, done.output
     assert "60 rows, 60 updates, 0 refused" in done.output
     assert "inside at 100 % of rows" in done.output
-    assert {file.name for file in out.iterdir()} == {f"results.{suffix}", "estimate.png", "summary.json"}
+    assert {file.name for file in out.iterdir()} == {
+        f"results.{suffix}",
+        "measured.csv",
+        "estimate.png",
+        "summary.json",
+    }
     for file in out.iterdir():
         assert str(file) in done.output.replace("\n", "")
     results = Result.read(out / f"results.{suffix}")
@@ -202,6 +207,8 @@ def test_demo(tmp_path, monkeypatch):
         again = estimate(tmp_path / "demo" / place, tmp_path / "again", "--json", "--force")
         assert again.exit_code == 0, again.output
         assert json.loads(again.stdout)["inside_share_of_rows"] == 1.0
+        kept = tmp_path / "demo" / place / "measured.csv"
+        assert kept.read_text() == (tmp_path / "again" / "measured.csv").read_text()
 
 
 def changed_cell(folder, line, column, cell):

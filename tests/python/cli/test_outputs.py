@@ -1,7 +1,13 @@
 """No command replaces what it reads, or writes two outputs to one file, also with --force."""
 
+import numpy as np
 import pytest
 from elliptude import cli
+from elliptude.cli import estimate as estimate_command
+from elliptude.cli.outputs import print_table
+from elliptude.io.files import FileError
+from elliptude.report.run import read_run
+from rich.table import Table
 from typer.testing import CliRunner
 
 HEADER = ",".join(
@@ -90,6 +96,7 @@ def test_a_folder_of_results_has_one_table(tmp_path):
     (out / "summary.json").unlink()
     (out / "estimate.png").unlink()
     (out / "dropped.csv").unlink()
+    (out / "measured.csv").unlink()
     done = CliRunner().invoke(cli.make_app(), [*estimate, "--format", "parquet"])
     assert done.exit_code == 1
     assert "results.csv is there already; --force replaces it" in " ".join(done.output.split())
@@ -115,3 +122,113 @@ def test_a_wrong_ending_is_refused_with_the_right_ones(folder, command, ending):
     said = " ".join(done.output.split())
     assert said.endswith(f"its name must end in {ending}") or said.endswith(f"what is written ends in {ending}"), said
     assert sorted(folder.iterdir()) == before
+
+
+@pytest.fixture
+def estimated(folder):
+    """Results of a log in which the accelerometer is left out at times, and the page that `estimate` wrote."""
+    (folder / "results.csv").unlink()
+    rows = LOG.splitlines()
+    for line in range(200, 204):
+        rows[line] = rows[line].removesuffix("0,9.8") + "9.8,0"
+    # A second without samples.
+    rows[301:] = [f"{1.0 + float(time)!r},{rest}" for time, _, rest in (row.partition(",") for row in rows[301:])]
+    (folder / "log.csv").write_text("\n".join(rows) + "\n")
+    config = CONFIG.replace("noise_deg_per_s", "longest_interval_s = 2.0\nnoise_deg_per_s")
+    (folder / "config.toml").write_text(config.replace('"guaranteed"', '"guaranteed", policy = "drop_measurement"'))
+    done = run("estimate log.csv --config config.toml --out out --report page.html")
+    assert done.exit_code == 0, done.output
+    return folder
+
+
+def run(arguments):
+    return CliRunner().invoke(cli.make_app(), arguments.split())
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_a_report_of_results_is_that_of_their_estimation(estimated, suffix):
+    """With what the sensors measured, where there was no sample, and what was left out."""
+    done = run(f"estimate log.csv --config config.toml --out out --report page.html --force --format {suffix}")
+    assert done.exit_code == 0, done.output
+    assert "measured.csv" in done.output
+    (measured,) = [one for one in read_run("out")[0].measured if one.name == "up"]
+    assert (measured.kind, measured.unit) == ("accelerometer", "m/s²")
+    assert len(measured.left_out) == 4
+    assert measured.gaps == [(3.0 - 0.01, 4.0)]
+    assert run("report out --out again.html --pictures pictures").exit_code == 0
+    assert (estimated / "again.html").read_bytes() == (estimated / "page.html").read_bytes()
+    assert "What the sensors measured" in (estimated / "page.html").read_text(encoding="utf-8")
+    assert (estimated / "pictures" / "measured.png").stat().st_size > 10_000
+
+
+def test_results_without_what_was_measured_are_shown_as_before(estimated):
+    (estimated / "out" / "measured.csv").unlink()
+    assert run("report out --out again.html --pictures pictures").exit_code == 0
+    assert 'aria-labelledby="h-measured" hidden' in (estimated / "again.html").read_text(encoding="utf-8")
+    assert not (estimated / "pictures" / "measured.png").exists()
+
+
+def test_damaged_measurements_are_refused_by_name(estimated):
+    (estimated / "out" / "measured.csv").write_text("# elliptude measured 1\ntime_s,sensor\n0,up\n")
+    done = run("report out --out again.html --pictures pictures")
+    assert done.exit_code == 1
+    assert "out/measured.csv" in "".join(done.output.splitlines())
+    assert not (estimated / "again.html").exists()
+    assert not (estimated / "pictures").exists()
+
+
+def test_what_was_measured_is_not_replaced_without_force_nor_by_what_is_made_of_it(estimated):
+    kept = (estimated / "out" / "measured.csv").read_bytes()
+    done = run("estimate log.csv --config config.toml --out out")
+    assert done.exit_code == 1
+    for name in ("results.csv", "dropped.csv", "estimate.png", "summary.json"):
+        (estimated / "out" / name).unlink()
+    done = run("estimate log.csv --config config.toml --out out")
+    assert "out/measured.csv is there already; --force replaces it" in done.output
+    assert (estimated / "out" / "measured.csv").read_bytes() == kept
+
+
+def test_a_new_table_has_no_measurements_of_an_older_one(estimated, monkeypatch):
+    """If writing ends between the two."""
+
+    def no_space(*_):
+        raise FileError("dropped.csv: no space left on device")
+
+    monkeypatch.setattr(estimate_command, "write_columns", no_space)
+    assert run("estimate log.csv --config config.toml --out out --force").exit_code == 1
+    assert {one.name for one in (estimated / "out").iterdir()} == {"results.csv", "estimate.png"}
+
+
+def test_a_table_is_as_wide_as_the_terminal_or_as_its_cells_must_be(monkeypatch, capsys):
+    table = Table()
+    for heading in ("what may be broken", "number"):
+        table.add_column(heading, no_wrap=heading == "number")
+    table.add_row("words and words and words and words", "12345 678901 345678 012345")
+    for width in (20, 50, 200):
+        monkeypatch.setenv("COLUMNS", str(width))
+        print_table(table)
+        printed = capsys.readouterr().out
+        assert "…" not in printed
+        assert "12345 678901 345678 012345" in printed
+        assert max(map(len, printed.splitlines())) <= max(width, 45)
+
+
+def test_bounds_cuts_nothing_at_eighty_columns(tmp_path):
+    """A statement has a line of its own, its reason is below it, and all tables fit."""
+    rng = np.random.default_rng(7)
+    times = 0.01 * np.arange(3000)
+    rates = np.where(times[:, None] > 12.0, 20.0 * np.sin(times)[:, None], 0.0) * [0.0, 0.0, 1.0]
+    sensors = np.column_stack([rates, np.tile([0.0, 0.0, 9.81], (3000, 1))]) + rng.normal(0.0, 0.02, (3000, 6))
+    np.savetxt(tmp_path / "log.csv", np.column_stack([times, sensors]), delimiter=",", header=HEADER, comments="")
+    arguments = ["bounds", str(tmp_path / "log.csv"), "--out", str(tmp_path / "config.toml")]
+    done = CliRunner().invoke(cli.make_app(), arguments, env={"COLUMNS": "80"})
+    assert done.exit_code == 0, done.output
+    assert "…" not in done.output
+    lines = done.output.splitlines()
+    begin = next(i for i, line in enumerate(lines) if line.startswith("  gyro.largest_rate_deg_per_s = "))
+    reason = [line for line in lines[begin + 1 : begin + 6] if line.startswith("      ")]
+    assert len(reason) == 5
+    assert max(map(len, reason)) <= 80
+    assert "      for the reason of gyro.largest_rate_deg_per_s" in lines
+    rule = next(i for i, line in enumerate(lines) if line.startswith("──"))
+    assert len(lines[rule]) <= 80

@@ -456,7 +456,13 @@ def test_command(tmp_path, suffix):
     assert done.exit_code == 0, done.output
     assert "the guarantee is unconditional 0 %" in done.output
     assert "rows contradict its stated bounds; left out for the whole recording" in done.output
-    assert {file.name for file in out.iterdir()} == {f"results.{suffix}", "dropped.csv", "estimate.png", "summary.json"}
+    assert {file.name for file in out.iterdir()} == {
+        f"results.{suffix}",
+        "dropped.csv",
+        "measured.csv",
+        "estimate.png",
+        "summary.json",
+    }
     results = tables.Result.read(out / f"results.{suffix}")
     assert set(results.claims) <= {"conditional", "none"}
     lost = np.array(results.claims) == "none"

@@ -52,6 +52,7 @@ def test_estimate_says_why_a_star_tracker_alone_has_no_set(tmp_path):
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
         "dropped.csv",
         "estimate.png",
+        "measured.csv",
         "results.csv",
         "summary.json",
     ]

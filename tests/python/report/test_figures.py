@@ -35,16 +35,19 @@ def without_rate_truth(results):
 
 
 @pytest.mark.parametrize(
-    ("change", "above", "below"),
-    [(lambda results: results, 6, 2), (without_truth, 2, 1), (without_rate_truth, 4, 2)],
+    ("change", "above", "below", "times"),
+    [(lambda results: results, 6, 2, 2), (without_truth, 2, 1, 1), (without_rate_truth, 4, 2, 1)],
 )
-def test_estimate_figure(tmp_path, results, change, above, below):
-    """Errors have a panel for each axis, bounds without errors one for all; the place of the truth has one, too."""
+def test_estimate_figure(tmp_path, results, change, above, below, times):
+    """Errors have a panel for each axis, bounds without errors one for all; how much of them is used has one, too.
+
+    Two panels are side by side only where those above are.
+    """
     figure = picture.estimate_figure(change(results), "Pendulum")
     assert len(figure.axes) == above + below
     for axes in figure.axes:
-        assert "deg" in axes.get_ylabel() or axes.get_ylabel().endswith("(-)")
-    assert [axes.get_xlabel() for axes in figure.axes].count("time (s)") == below
+        assert "deg" in axes.get_ylabel() or axes.get_ylabel() == "of its bound (%)"
+    assert [axes.get_xlabel() for axes in figure.axes].count("time (s)") == times
     figures.save(figure, tmp_path / "figure.png")
     image = matplotlib.image.imread(tmp_path / "figure.png")
     assert image.shape[1] == 1080
@@ -182,9 +185,9 @@ def test_bands_and_errors_are_those_of_the_results(results):
     assert set(zero.get_ydata()) == {0.0}
     top = rate_axes.collections[0].get_datalim(rate_axes.transData).ymax
     assert top == pytest.approx(np.rad2deg(results.half_widths[:, 4].max()))
-    form = next(axes for axes in figure.axes if "P^{-1}" in axes.get_ylabel())
-    assert "inside: 100 %" in form.get_title()
-    assert form.get_ylim()[1] > 1.0
+    used = next(axes for axes in figure.axes if axes.get_ylabel() == "of its bound (%)")
+    assert used.get_title() == "how much of its bound the error uses; inside: 100 %"
+    assert used.get_ylim()[1] > 100.0
 
 
 def test_where_no_set_is_known_and_no_bias_is_estimated(tmp_path, results):
@@ -205,7 +208,7 @@ def test_where_no_set_is_known_and_no_bias_is_estimated(tmp_path, results):
         assert panel.get_xlim() == (results.times[0], results.times[-1])
         shade = next(one for one in panel.collections if one.get_label() == figures.UNKNOWN)
         assert shade.get_paths()[0].get_extents().x0 == results.times[4]
-    assert figure.axes[-1].get_title() == "size of the set: largest angle"
+    assert figure.axes[-1].get_title() == "how far the attitude may be off"
     figures.save(figure, tmp_path / "figure.png")
 
 
@@ -213,20 +216,64 @@ def test_the_edge_of_the_set_is_seen_beside_forms_far_out(results):
     forms = results.forms.copy()
     forms[3] = 2e4
     figure = picture.estimate_figure(dataclasses.replace(results, forms=forms), "Far out")
-    form = next(axes for axes in figure.axes if "P^{-1}" in axes.get_ylabel())
-    assert form.get_yscale() == "log"
-    low, high = form.get_ylim()
-    assert low < 0.1
-    assert high > 2e4
+    used = next(axes for axes in figure.axes if axes.get_ylabel() == "of its bound (%)")
+    assert used.get_yscale() == "log"
+    low, high = used.get_ylim()
+    assert low < 30.0
+    assert high > 100.0 * np.sqrt(2e4)
 
 
 def test_share_inside_counts_what_lies_outside(results):
     forms = results.forms.copy()
     forms[:15] = 2.0
     figure = picture.estimate_figure(dataclasses.replace(results, forms=forms), "Pendulum")
-    form = next(axes for axes in figure.axes if "P^{-1}" in axes.get_ylabel())
-    assert "inside: 75 %" in form.get_title()
-    assert form.get_ylim()[1] > 2.0
+    used = next(axes for axes in figure.axes if axes.get_ylabel() == "of its bound (%)")
+    assert "inside: 75 %" in used.get_title()
+    assert used.get_ylim()[1] > 100.0 * np.sqrt(2.0)
+
+
+def test_an_error_on_the_edge_uses_all_of_its_bound_whatever_its_direction(results):
+    """The form of an error with a given share of the set's reach in its direction."""
+    shares = np.linspace(0.1, 0.9, len(results.times))
+    rng = np.random.default_rng(2)
+    directions = rng.standard_normal((len(shares), 6))
+    shapes = np.einsum("nij,nkj->nik", *2 * [rng.standard_normal((len(shares), 6, 6))])
+    reach = 1.0 / np.sqrt(np.einsum("ni,nij,nj->n", directions, np.linalg.inv(shapes), directions))
+    errors = (shares * reach)[:, None] * directions
+    forms = np.einsum("ni,nij,nj->n", errors, np.linalg.inv(shapes), errors)
+    panel = figures.new_figure(2.0).add_subplot()
+    figures.draw_bound_used(panel, results.times, [("", forms, "black")])
+    np.testing.assert_allclose(panel.lines[1].get_ydata(), 100.0 * shares, rtol=1e-9)
+    assert set(panel.lines[0].get_ydata()) == {100.0}  # the edge
+
+
+def test_the_error_is_explained_in_the_legend(results):
+    for shown in (results, with_angles(results)):
+        (legend,) = picture.estimate_figure(shown, "Pendulum", label="the camera").legends
+        assert "error against the camera" in [text.get_text() for text in legend.get_texts()]
+
+
+@pytest.mark.parametrize("length", [5, 25, 200])
+def test_no_legend_is_wider_than_its_figure(length):
+    """It has fewer columns, at worst one."""
+    figure = figures.new_figure(3.0)
+    panel = figure.add_subplot()
+    for i in range(5):
+        panel.plot([0, 1], [0, i], label=f"{i} {'w' * length}")
+    entries = {str(line.get_label()): line for line in panel.lines}
+    figures.legend_below(figure, entries)
+    figure.canvas.draw()
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == list(entries)
+    assert legend._ncols == {5: 4, 25: 2, 200: 1}[length]
+    if length < 200:
+        assert legend.get_window_extent().width <= figure.bbox.width
+
+
+def test_there_is_no_legend_of_nothing():
+    figure = figures.new_figure(3.0)
+    figures.legend_below(figure, {})
+    assert figure.legends == []
 
 
 def test_the_same_results_make_the_same_file(tmp_path, results):

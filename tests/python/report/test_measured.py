@@ -4,8 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from elliptude.io.files import FileError
 from elliptude.report import figures
-from elliptude.report.estimated import curves, drawn, measured
+from elliptude.report.estimated import curves, drawn, measured, stored
 
 
 def samples(count, piece):
@@ -20,6 +21,10 @@ def samples(count, piece):
         rows = slice(begin, begin + piece)
         kept.add(times[rows], values[rows])
     return times, values, kept
+
+
+def field(kept, left_out):
+    return stored.MeasuredSensor("field", "magnetometer", "µT", *kept.with_gaps(), left_out)
 
 
 @pytest.mark.parametrize(("count", "piece"), [(900, 900), (90_000, 90_000), (90_000, 700)])
@@ -58,13 +63,15 @@ def test_times_left_out_are_few_and_of_their_sensor():
 
 def test_a_panel_has_the_axes_the_gap_and_the_marks():
     times, values, kept = samples(900, 900)
-    sensor = measured.MeasuredSensor("magnetometer", "µT", *kept.with_gaps(), np.array([1.0, 2.0]))
+    sensor = field(kept, np.array([1.0, 2.0]))
     panel = figures.new_figure(2.0).add_subplot()
     drawn.draw_measured(panel, sensor)
-    assert panel.get_ylabel() == "magnetometer\n(µT)"
+    drawn.begin_measured(panel)
+    assert panel.get_ylabel() == "field\nmagnetometer\n(µT)"
+    assert [text.get_text() for text in panel.get_legend().get_texts()] == ["x", "y", "z"]
     lines = {line.get_label(): line for line in panel.lines}
-    assert set(lines) == {"x", "y", "z", drawn.LEFT_OUT}
-    assert np.nanmin(lines["y"].get_ydata()) == values[:, 1].min()
+    assert set(lines) == {"_x", "_y", "_z", drawn.LEFT_OUT}
+    assert np.nanmin(lines["_y"].get_ydata()) == values[:, 1].min()
     assert lines[drawn.LEFT_OUT].get_xdata().tolist() == [1.0, 2.0]
     (shade,) = [one for one in panel.collections if one.get_label() == drawn.NO_SAMPLE]
     assert shade.get_paths()[0].get_extents().x0 == times[449]
@@ -73,10 +80,11 @@ def test_a_panel_has_the_axes_the_gap_and_the_marks():
 def test_the_page_has_a_panel_for_each_sensor():
     """With the same extremes, a gap without a line, and marks below the curves."""
     _, values, kept = samples(900, 900)
-    sensor = measured.MeasuredSensor("magnetometer", "µT", *kept.with_gaps(), np.array([1.0, 2.0]))
-    gyro = measured.MeasuredSensor("gyro", "deg/s", *kept.with_gaps(), np.empty(0))
-    plot = curves.measured_plot(SimpleNamespace(times=np.array([0.0, 10.0])), [gyro, sensor])
-    assert plot["layout"]["yaxis2"]["title"]["text"] == "magnetometer<br>(µT)"
+    sensor = field(kept, np.array([1.0, 2.0]))
+    gyro = stored.MeasuredSensor("gyro", "", "deg/s", *kept.with_gaps(), np.empty(0))
+    plot = curves.measured_plot(SimpleNamespace(times=np.array([0.0, 10.0]), measured=(gyro, sensor)))
+    assert plot["layout"]["yaxis"]["title"]["text"] == "gyro<br>(deg/s)"
+    assert plot["layout"]["yaxis2"]["title"]["text"] == "field<br>magnetometer<br>(µT)"
     assert [trace["name"] for trace in plot["data"] if trace.get("showlegend")] == ["x", "y", "z", drawn.LEFT_OUT]
     y = [trace for trace in plot["data"] if trace["name"] == "y"]
     assert [min(one for one in trace["y"] if one is not None) for trace in y] == [values[:, 1].min()] * 2
@@ -85,3 +93,106 @@ def test_the_page_has_a_panel_for_each_sensor():
     assert marks["yaxis"] == "y2"
     assert max(marks["y"]) < values.min()
     assert [shape["yref"] for shape in plot["layout"]["shapes"]] == ["y domain", "y2 domain"]
+
+
+def test_axes_are_named_beside_the_title_and_not_over_the_curves():
+    _, _, kept = samples(900, 900)
+    run = SimpleNamespace(
+        times=np.array([0.0, 10.0]),
+        measured=(field(kept, np.empty(0)), field(kept, np.ones(1))),
+        bounds_from_recording=None,
+    )
+    figure = drawn.measured_figure(run, "Hand")
+    figure.canvas.draw()
+    first, second = figure.axes
+    box, legend = first.get_window_extent(), first.get_legend().get_window_extent()
+    assert legend.y0 >= box.y1 - 3.0
+    title = first.title.get_window_extent()
+    assert title.x1 < legend.x0
+    assert second.get_legend() is None
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [drawn.NO_SAMPLE, drawn.LEFT_OUT]
+
+
+def equal(one, other):
+    assert (one.name, one.kind, one.unit, one.gaps) == (other.name, other.kind, other.unit, other.gaps)
+    for name in ("times", "values", "left_out"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+@pytest.mark.parametrize(("count", "piece"), [(900, 900), (90_000, 700)])
+def test_what_is_stored_comes_back_bit_by_bit(tmp_path, count, piece):
+    """The order of sensors, gaps, and times at which a sensor was left out, that of a sample or not."""
+    times, _, kept = samples(count, piece)
+    gyro = stored.MeasuredSensor("gyro", "", "deg/s", *kept.with_gaps(), np.empty(0))
+    sensors = [gyro, field(kept, np.array([times[3], times[count // 2 - 1], times[-1] + 1.0]))]
+    path = tmp_path / stored.MEASURED
+    stored.write_measured(path, sensors, 1_700_000_000)
+    assert path.read_text(encoding="utf-8").startswith(
+        "# elliptude measured 1; time_s counts from 1700000000 s\ntime_s,sensor,kind,unit,what,x,y,z\n"
+    )
+    found = stored.read_measured(path)
+    assert len(found) == 2
+    for one, other in zip(found, sensors, strict=True):
+        equal(one, other)
+    assert len(found[0].gaps) == 1
+
+
+def test_a_gap_whose_first_sample_was_not_kept_comes_back(tmp_path):
+    """Many gaps of the same length: of most groups of samples not all that are beside one are kept."""
+    kept = measured._Samples()
+    times = np.cumsum(np.where(np.arange(40_000) % 5 == 0, 0.1, 0.01))
+    kept.add(times, np.random.default_rng(1).standard_normal((40_000, 3)))
+    sensor = field(kept, np.empty(0))
+    assert len(sensor.gaps) > 100
+    stored.write_measured(tmp_path / stored.MEASURED, [sensor])
+    (found,) = stored.read_measured(tmp_path / stored.MEASURED)
+    equal(found, sensor)
+
+
+def test_no_sensor_is_stored_as_an_empty_table(tmp_path):
+    stored.write_measured(tmp_path / stored.MEASURED, [])
+    assert stored.read_measured(tmp_path / stored.MEASURED) == ()
+
+
+HEADER = "# elliptude measured 1\ntime_s,sensor,kind,unit,what,x,y,z\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (HEADER + "0,up,,,sample,1,2,3\n1,up,,,seen,1,2,3\n", "row 2 below the header: 'seen', not sample, gap or"),
+        (HEADER + "0,up,,,sample,,,\n", "row 1 below the header: a sample without x y z"),
+        (HEADER + "0,up,,,sample,1,,3\n", r"line 3, column 6 \(x\): a number, but x y z are empty only together"),
+        (HEADER + "0,up,,,sample,1,nan,3\n", r"line 3, column 7 \(y\): not a finite number"),
+        (HEADER + "1,up,,,sample,1,2,3\n0,up,,,sample,1,2,3\n", r"line 4, column 1 \(time_s\): before the time of"),
+        (HEADER + "1,up,,,sample,1,2,3\n1,up,,,gap,,,\n", "sensor up: no sample after the gap at 1.000000 s"),
+        (HEADER + "1,up,,,left_out,,,\n", "sensor up: no sample"),
+        (HEADER.replace(",kind", "") + "0,up,,sample,1,2,3\n", "kind"),
+        ("# elliptude measured 2\ntime_s\n", "version 2 of the format"),
+        ("# elliptude dropped 1\ntime_s\n", "a table of dropped, where one of measured is needed"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_stored_file_is_said_with_its_place(tmp_path, text, fault):
+    path = tmp_path / stored.MEASURED
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(FileError, match=fault):
+        stored.read_measured(path)
+
+
+def test_times_of_different_sensors_need_not_be_in_order(tmp_path):
+    path = tmp_path / stored.MEASURED
+    path.write_text(HEADER + "5,up,,,sample,1,2,3\n1,field,,,sample,1,2,3\n", encoding="utf-8")
+    assert [one.name for one in stored.read_measured(path)] == ["up", "field"]
+
+
+@pytest.mark.parametrize(("count", "is_marked"), [(1, True), (20, True), (900, False)])
+def test_few_samples_are_marked(count, is_marked):
+    """A single one would be invisible, on the page too."""
+    kept = measured._Samples()
+    kept.add(0.1 * np.arange(count), np.ones((count, 3)))
+    sensor = field(kept, np.empty(0))
+    panel = figures.new_figure(2.0).add_subplot()
+    drawn.draw_measured(panel, sensor)
+    assert [line.get_marker() for line in panel.lines] == (["o"] if is_marked else ["None"]) * 3
+    plot = curves.measured_plot(SimpleNamespace(times=np.array([0.0, 10.0]), measured=(sensor,)))
+    assert {trace["mode"] for trace in plot["data"]} == {"lines+markers" if is_marked else "lines"}

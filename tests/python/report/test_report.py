@@ -103,6 +103,15 @@ def test_roll_pitch_and_yaw_are_the_first_picture(page, tmp_path):
     assert "range" not in plots["angles"]["layout"]["yaxis2"]
 
 
+@pytest.mark.parametrize(
+    ("frame", "said"),
+    [(None, "X, Y, Z"), ("ENU", "X (east), Y (north), Z (up)"), ("NED", "X (north), Y (east), Z (down)")],
+)
+def test_the_globe_says_what_its_axes_are(tmp_path, frame, said):
+    report.write_report(dataclasses.replace(make_run(), frame=frame), tmp_path / "report.html", "Run")
+    assert f"in reference axes {said}, that" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
 def test_plots_are_grey_where_what_they_show_is_not_known(page, tmp_path):
     run = angled(full_run())
     report.write_report(run, tmp_path / "angles.html", "Angles")

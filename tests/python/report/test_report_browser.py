@@ -143,6 +143,12 @@ def test_on_a_phone_in_the_dark(opened, tmp_path):
     picture = shot(opened, "report-phone.png", tmp_path)
     assert np.median(picture[..., :3]) < 0.2
     assert opened.evaluate("document.getElementById('size').layout.font.color") == "#e8e8e8"
+    # Names in white on the globe, which is dark, and so are none of its patches.
+    globe, patch = opened.evaluate(
+        "['surface', 'mesh3d'].map((kind) => document.getElementById('sphere').data"
+        ".findLast((one) => one.type === kind)).map((one) => one.colorscale ?? one.color)"
+    )
+    assert (globe, patch) == ([[0, "#4a4f58"], [1, "#4a4f58"]], "#56B4E9")
     # The blue of white paper cannot be read on black.
     assert opened.evaluate("document.getElementById('bands').data[0].line.color") == "#56B4E9"
     assert opened.evaluate("document.getElementById('sphere').data.at(-1).textfont?.color") != "#0072B2"

@@ -473,3 +473,23 @@ def test_a_file_that_cannot_be_finished_is_removed(simulated, tmp_path, monkeypa
     assert done.exit_code == 1
     assert "view.rrd: not written: no space left" in " ".join(done.output.split())
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_the_sensors_measured_is_there_without_the_log(simulated, tmp_path):
+    """Gaps are none of the curves, and what was left out is marked below them."""
+    run, _ = read_run(simulated[2])
+    assert [one.name for one in run.measured] == ["rate", "direction1", "direction2", "direction3"]
+    sensor = dataclasses.replace(run.measured[1], left_out=run.times[[2, 5]])
+    values = sensor.values.copy()
+    values[7] = np.nan
+    run = dataclasses.replace(run, measured=(run.measured[0], dataclasses.replace(sensor, values=values)))
+    view.write_view(run, tmp_path / "view.rrd", "Run")
+    found = Recording(tmp_path / "view.rrd")
+    for one in run.measured:
+        curves = found.curves(f"/measured/{one.name}/axes")
+        np.testing.assert_array_equal(np.column_stack([curves[axis] for axis in "xyz"]), one.values)
+        np.testing.assert_allclose(found.times(f"/measured/{one.name}/axes"), one.times, atol=1e-9)
+    np.testing.assert_allclose(found.times("/measured/direction1/left_out"), run.times[[2, 5]], atol=1e-9)
+    assert "/measured/rate/left_out" not in found.paths
+    view.write_view(dataclasses.replace(run, measured=()), tmp_path / "old.rrd", "Run")
+    assert not any(path.startswith("/measured") for path in Recording(tmp_path / "old.rrd").paths)

@@ -15,13 +15,17 @@
   const onWhite = Object.fromEntries(names.map((id) => [id, data.plots[id].data.map((trace) => ({
     "line.color": trace.line && trace.line.color,
     "fillcolor": trace.fillcolor,
+    "color": trace.type === "mesh3d" ? trace.color : undefined,
     "textfont.color": trace.textfont && trace.textfont.color,
   }))]));
 
   function recolour(plot, id) {
     onWhite[id].forEach((colours, i) => {
-      // What lies on the sphere has its light grey behind it.
-      if (plot.data[i].type !== "scatter" && colours["textfont.color"] === undefined) { return; }
+      if (plot.data[i].type === "surface") {
+        // Names in white cannot be read on a light globe.
+        const globe = dark.matches ? "#4a4f58" : "#d8dbe0";
+        Plotly.restyle(plot, { colorscale: [[[0, globe], [1, globe]]] }, [i]);
+      }
       const known = Object.entries(colours).filter(([, value]) => value in ON_BLACK);
       const change = known.map(([key, value]) => [key, dark.matches ? ON_BLACK[value] : value]);
       if (change.length) { Plotly.restyle(plot, Object.fromEntries(change), [i]); }

@@ -1,31 +1,29 @@
 """The plot of the interactive report that shows what the sensors measured."""
 
-from collections.abc import Sequence
+from html import escape
 from typing import Any
 
 import numpy as np
 
 from elliptude.report.curves import GREY, plot_layout, time_axis
 from elliptude.report.estimated.drawn import LEFT_OUT, heading_of
-from elliptude.report.estimated.measured import MeasuredSensor
+from elliptude.report.estimated.stored import MeasuredSensor
 from elliptude.report.run import Run
 from elliptude.report.run_figures import AXIS_COLOURS
 from elliptude.typing import FloatArray
 
 _PIXELS_OF_PANEL, _PIXELS_OF_MARGIN = 150, 70
-_LEAST_MARGIN = 75
-"""For titles of two lines."""
+_LEAST_MARGIN = 90
+"""For titles of three lines."""
 
 
-def measured_plot(run: Run, measured: Sequence[MeasuredSensor], margin: float = 0.0) -> dict[str, Any]:
+def measured_plot(run: Run, margin: float = 0.0) -> dict[str, Any]:
     """Plotly's data and layout: a panel for each sensor, above each other.
 
     Parameters
     ----------
     run : Run
-        Whose times the axis has.
-    measured : sequence of MeasuredSensor
-        At least one.
+        With at least one sensor.
     margin : float
         What the plots above have on the left, px, so that times are below one another.
 
@@ -35,15 +33,20 @@ def measured_plot(run: Run, measured: Sequence[MeasuredSensor], margin: float = 
     """
     traces: list[dict[str, Any]] = []
     shapes: list[dict[str, Any]] = []
-    grid = {"rows": len(measured), "columns": 1, "pattern": "coupled"}
-    height = _PIXELS_OF_MARGIN + _PIXELS_OF_PANEL * len(measured)
+    grid = {"rows": len(run.measured), "columns": 1, "pattern": "coupled"}
+    height = _PIXELS_OF_MARGIN + _PIXELS_OF_PANEL * len(run.measured)
     layout = plot_layout(grid=grid, xaxis=time_axis(run), height=height)
-    for k, sensor in enumerate(measured):
+    for k, sensor in enumerate(run.measured):
         y = f"y{k + 1}" if k else "y"
         for i, axis in enumerate("xyz"):
-            trace = {"type": "scatter", "mode": "lines", "name": axis, "legendgroup": axis, "showlegend": k == 0}
+            mode = "lines+markers" if sensor.is_sparse else "lines"
+            trace = {"type": "scatter", "mode": mode, "name": axis, "legendgroup": axis, "showlegend": k == 0}
             points = {"x": _numbers(sensor.times), "y": _numbers(sensor.values[:, i])}
-            traces.append(trace | points | {"xaxis": "x", "yaxis": y, "line": {"color": AXIS_COLOURS[i], "width": 1}})
+            traces.append(
+                trace
+                | points
+                | {"xaxis": "x", "yaxis": y, "line": {"color": AXIS_COLOURS[i], "width": 1}, "marker": {"size": 4}}
+            )
         if len(sensor.left_out):
             # Below the curves, which are in the upper part of the range.
             low, high = float(np.nanmin(sensor.values)), float(np.nanmax(sensor.values))
@@ -51,7 +54,7 @@ def measured_plot(run: Run, measured: Sequence[MeasuredSensor], margin: float = 
             is_first = all(trace["name"] != LEFT_OUT for trace in traces)
             traces.append(_marks(sensor, bottom) | {"xaxis": "x", "yaxis": y, "showlegend": is_first})
         shapes += [_shade(f"{y} domain", begin, end) for begin, end in sensor.gaps]
-        title = {"text": heading_of(sensor).replace(" (", "<br>(")}
+        title = {"text": "<br>".join(map(escape, heading_of(sensor))), "font": {"size": 11}}
         layout["yaxis" + y[1:]] = {"title": title}
     layout["shapes"] = shapes
     layout["margin"]["l"] = max(margin, _LEAST_MARGIN)

@@ -1,7 +1,6 @@
 """What each sensor measured, in few enough samples for a picture, from a log that comes piece by piece."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer, Magnetometer
 from elliptude.io.tables import Result
 from elliptude.logs.log import Log
+from elliptude.report.estimated.stored import MeasuredSensor, with_gaps
 from elliptude.report.thinning import largest_of_each
 from elliptude.typing import FloatArray
 
@@ -21,24 +21,6 @@ GAP = 3.5
 """An interval that is so many times as long as the usual one is a gap: at least three samples are missing."""
 # Of so many samples the usual interval is known.
 _FEWEST = 3
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredSensor:
-    """Samples of a sensor: all extremes of a recording, and the samples beside its longest gaps."""
-
-    name: str
-    """What it is, and its name if there are others of the kind."""
-    unit: str
-    """Empty for directions."""
-    times: FloatArray
-    """s, shape (K,)."""
-    values: FloatArray
-    """In body axes, shape (K, 3); NaN at a time within a gap."""
-    gaps: list[tuple[float, float]]
-    """From the last sample before a gap to the first one after it, s."""
-    left_out: FloatArray
-    """When its measurements did not go into the set, s, shape (n,)."""
 
 
 class Measured:
@@ -77,9 +59,11 @@ class Measured:
 
     def sensors(self) -> list[MeasuredSensor]:
         """All sensors that measured anything, the gyro first."""
-        channels = [_Channel(self._rate, self._rate, "deg/s"), *self._directions]
+        channels = [_Channel(self._rate, "", "deg/s"), *self._directions]
         return [
-            MeasuredSensor(one.said, one.unit, *self._samples[one.name].with_gaps(), self._times_left_out(one.name))
+            MeasuredSensor(
+                one.name, one.kind, one.unit, *self._samples[one.name].with_gaps(), self._times_left_out(one.name)
+            )
             for one in channels
             if one.name in self._samples and len(self._samples[one.name].times)
         ]
@@ -96,7 +80,7 @@ class _Samples:
 
     def __init__(self) -> None:
         self.times = np.empty(0)
-        self._values, self._intervals = np.empty((0, 3)), np.empty(0)
+        self._values, self._before = np.empty((0, 3)), np.empty(0)
         self._numbers: NDArray[np.intp] = np.empty(0, dtype=np.intp)
         self._count, self._stride, self._last = 0, 1, np.nan
         self._usual = np.nan
@@ -107,45 +91,47 @@ class _Samples:
         times, values = times[there], values[there]
         if not len(times):
             return
-        intervals = np.diff(times, prepend=self._last if self._count else times[0])
+        before = np.append(self._last if self._count else times[0], times[:-1])
         self._last = times[-1]
         self._numbers = np.concatenate([self._numbers, np.arange(self._count, self._count + len(times))])
         self._count += len(times)
         self.times = np.concatenate([self.times, times])
         self._values = np.concatenate([self._values, values])
-        self._intervals = np.concatenate([self._intervals, intervals])
-        if np.isnan(self._usual) and len(self._intervals) > _FEWEST:
+        self._before = np.concatenate([self._before, before])
+        if np.isnan(self._usual) and len(self.times) > _FEWEST:
             self._usual = float(np.median(self._intervals[1:]))
         while len(self.times) > LIMIT:
             self._stride *= 2
             self._keep(self._extremes())
 
+    @property
+    def _intervals(self) -> FloatArray:
+        """From the sample before, kept or not, to each."""
+        return self.times - self._before
+
     def _extremes(self) -> NDArray[np.intp]:
         """Rows with the least and the most of each axis of each group, and with the longest interval beside it."""
         bins = self._numbers // self._stride
-        before = np.append(self._intervals[1:], 0.0)
-        scores = [*self._values.T, *-self._values.T, self._intervals, before]
+        scores = [*self._values.T, *-self._values.T, self._intervals, np.append(self._intervals[1:], 0.0)]
         return np.unique(np.concatenate([largest_of_each(bins, score) for score in scores]))
 
     def _keep(self, rows: NDArray[np.intp]) -> None:
         self.times, self._values = self.times[rows], self._values[rows]
-        self._intervals, self._numbers = self._intervals[rows], self._numbers[rows]
+        self._before, self._numbers = self._before[rows], self._numbers[rows]
 
     def with_gaps(self) -> tuple[FloatArray, FloatArray, list[tuple[float, float]]]:
         """Times, values with NaN between the samples beside a gap, and the gaps."""
         rows = np.flatnonzero(self._intervals > GAP * self._usual)
-        begins, ends = self.times[rows] - self._intervals[rows], self.times[rows]
-        times = np.insert(self.times, rows, 0.5 * (begins + ends))
-        values = np.insert(self._values, rows, np.nan, axis=0)
-        return times, values, list(zip(begins.tolist(), ends.tolist(), strict=True))
+        begins, ends = self._before[rows], self.times[rows]
+        gaps = list(zip(begins.tolist(), ends.tolist(), strict=True))
+        return *with_gaps(self.times, self._values, gaps), gaps
 
 
 class _Channel(NamedTuple):
     """Three numbers of a log."""
 
     name: str
-    said: str
-    """What pictures call it."""
+    kind: str
     unit: str
     scale: float = 1.0
     """From what a log has to the unit."""
@@ -155,12 +141,10 @@ def _channels(configuration: Configuration) -> list[_Channel]:
     """The directions of a log."""
     found = []
     for one in configuration.directions:
-        kind, unit, scale = one.name, "", 1.0
+        kind, unit, scale = "", "", 1.0
         if isinstance(one, Accelerometer):
             kind, unit = "accelerometer", "m/s²"
         elif isinstance(one, Magnetometer):
             kind, unit, scale = "magnetometer", "µT", 1e6
-        is_alone = sum(type(other) is type(one) for other in configuration.directions) == 1
-        said = kind if is_alone or kind == one.name else f"{kind} {one.name}"
-        found.append(_Channel(one.name, said, unit, scale))
+        found.append(_Channel(one.name, kind, unit, scale))
     return found

@@ -12,8 +12,8 @@ from matplotlib.gridspec import GridSpec
 from elliptude.bounds.angles.about_axes import ErrorAxes, about_axes
 from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT
 from elliptude.io.tables import Result
-from elliptude.report.estimated.drawn import LEFT_OUT, NO_SAMPLE, draw_measured
-from elliptude.report.estimated.measured import MeasuredSensor
+from elliptude.report.estimated.drawn import LEFT_OUT, NO_SAMPLE, begin_measured, draw_measured
+from elliptude.report.estimated.stored import MeasuredSensor
 from elliptude.report.figures import (
     BLACK,
     BLUE,
@@ -26,9 +26,10 @@ from elliptude.report.figures import (
     Style,
     begin_above,
     draw_angle,
-    draw_form,
+    draw_bound_used,
     entitle,
     error_limit,
+    legend_below,
     new_figure,
     plain_log_axis,
     shade_conditional,
@@ -89,11 +90,15 @@ def estimate_figure(
             *_error_rows(result, _error_columns(result, axes, frame, heading_from_start), label),
         ]
     )
-    grid.rows.append(_last_row(result, inside_share))
-    grid.rows += [[partial(draw_measured, sensor=one)] for one in measured]
+    last = _last_row(result, inside_share, label)
+    # Panels of half the width belong below others of half the width: times are below one another.
+    is_wide = all(len(row) == 1 for row in grid.rows)
+    grid.rows += [[one] for one in last] if is_wide else [last]
+    grid.rows += [[partial(_draw_sensor, sensor=one, is_first=i == 0)] for i, one in enumerate(measured)]
     figure = grid.draw(title, proposed_from)
     if len(result.times) > 1:  # also where nothing is known
         figure.axes[0].set_xlim(float(result.times[0]), float(result.times[-1]))
+    figure.align_ylabels()
     _put_legend_below(figure, figure.axes)
     return figure
 
@@ -172,8 +177,15 @@ def _error_rows(result: Result, columns: list["_ErrorColumn"], label: str) -> li
     return rows + [[bounds(column)] for column in columns if column.errors is None]
 
 
-def _last_row(result: Result, inside_share: float | None) -> list[_Draw]:
-    """The size of the set; beside it the place of the truth in it, if there is one."""
+def _draw_sensor(panel: Axes, sensor: MeasuredSensor, is_first: bool) -> None:
+    """What a sensor measured; the first panel says what all are."""
+    draw_measured(panel, sensor)
+    if is_first:
+        begin_measured(panel)
+
+
+def _last_row(result: Result, inside_share: float | None, label: str) -> list[_Draw]:
+    """The size of the set; beside it how much of its bound the error uses, if it is known."""
     marks, has_set, forms = _marks(result), np.isfinite(result.largest_angles), result.forms
 
     def size(panel: Axes) -> None:
@@ -182,13 +194,13 @@ def _last_row(result: Result, inside_share: float | None) -> list[_Draw]:
             panel, result.times, has_set if result.up_bounds is None else has_set | np.isfinite(result.up_bounds)
         )
         shade_conditional(panel, result.times, result.claims)
-        _draw_size(panel, result, **marks)
+        _draw_size(panel, result, label, **marks)
 
-    def place_in_set(panel: Axes) -> None:
+    def bound_used(panel: Axes) -> None:
         shade_unknown(panel, result.times, has_set)
-        draw_form(panel, result.times, [("form", forms, BLACK)], inside_share, **marks)
+        draw_bound_used(panel, result.times, [("", forms, BLACK)], inside_share, **marks)
 
-    return [size] if forms is None or not np.isfinite(forms).any() else [place_in_set, size]
+    return [size] if forms is None or not np.isfinite(forms).any() else [bound_used, size]
 
 
 class _ErrorColumn(NamedTuple):
@@ -278,7 +290,8 @@ def _draw_bounds(panel: Axes, time: FloatArray, column: _ErrorColumn, **marks: A
     panel.set_ylim(0.0, error_limit(column.bounds, None))
     panel.set_ylabel(f"bound ({column.labels[0].partition(' (')[2]}")
     panel.set_title(column.heading, fontsize=9.5)
-    panel.legend(loc="upper right", ncols=3, frameon=False, fontsize=8)
+    # Beside the title: within the panel it would hide curves.
+    panel.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, frameon=False, fontsize=8, borderpad=0.1)
     panel.grid(axis="y", linewidth=0.3)
 
 
@@ -289,7 +302,7 @@ def _put_legend_below(figure: Figure, panels: Sequence[Axes]) -> None:
         if axes.get_legend() is not None:  # says what its curves are
             continue
         of_axes = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-        entries |= {label: handle for label, handle in of_axes.items() if label not in (*entries, "error")}
+        entries |= {label: handle for label, handle in of_axes.items() if label not in entries}
     # Shades may be in others alone.
     for label in (UNKNOWN, CONDITIONAL, NO_SAMPLE):
         shades = [one for axes in figure.axes for one in axes.collections if one.get_label() == label]
@@ -297,8 +310,7 @@ def _put_legend_below(figure: Figure, panels: Sequence[Axes]) -> None:
             entries[label] = shades[0]
     for axes in figure.axes:  # marks may be in panels with a legend of their own
         entries |= {str(line.get_label()): line for line in axes.lines if line.get_label() == LEFT_OUT}
-    columns = min(len(entries), 4)
-    figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns, frameon=False)
+    legend_below(figure, entries)
 
 
 def _true_angles(result: Result) -> FloatArray | None:
@@ -308,7 +320,7 @@ def _true_angles(result: Result) -> FloatArray | None:
     return true_roll_pitch_yaw(result.attitudes, result.errors[:, :3])
 
 
-def _draw_size(axes: Axes, result: Result, **marks: Any) -> None:
+def _draw_size(axes: Axes, result: Result, label: str, **marks: Any) -> None:
     """The largest angle in the set, the error, and bounds of heading and tilt."""
     time, errors = result.times, result.errors
     axes.plot(
@@ -320,14 +332,13 @@ def _draw_size(axes: Axes, result: Result, **marks: Any) -> None:
         **marks,
     )
     if errors is not None:
-        axes.plot(
-            time, np.rad2deg(np.linalg.norm(errors[:, :3], axis=1)), color=BLACK, linewidth=0.9, label="error", **marks
-        )
+        off = np.rad2deg(np.linalg.norm(errors[:, :3], axis=1))
+        axes.plot(time, off, color=BLACK, linewidth=0.9, label=f"error against {label}", **marks)
+    is_off = errors is not None and bool(np.isfinite(errors[:, :3]).any())
+    axes.set_title(f"how far the attitude may be off{', and is' * is_off}", fontsize=9.5)
     axes.set_ylabel("angle (deg)")
     plain_log_axis(axes)
     if result.headings is None or result.tilt_bounds is None:
-        what = "largest angle (orange), and the error" if errors is not None else "largest angle"
-        axes.set_title(f"size of the set: {what}", fontsize=9.5)
         return
     heading = np.rad2deg(np.abs(result.headings).max(axis=1))
     axes.plot(time, heading, color=HEADING_COLOUR, linewidth=1.1, linestyle="--", label=HEADING, **marks)
@@ -336,7 +347,6 @@ def _draw_size(axes: Axes, result: Result, **marks: Any) -> None:
         alone = np.where(np.isnan(result.tilt_bounds), np.rad2deg(result.up_bounds), np.nan)
         if np.isfinite(alone).any():
             axes.plot(time, alone, color=TILT_COLOUR, linewidth=1.4, linestyle=":", label="up alone", **marks)
-    axes.set_title("how far the attitude may be off", fontsize=9.5)
     begin_above(axes, HEADING)
 
 
