@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import shlex
+import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -19,7 +20,7 @@ from elliptude import units
 from elliptude.cli.columns import in_words as columns_in_words
 from elliptude.cli.columns import state_field, stated_reading, tables_of
 from elliptude.cli.options import LOG_HELP, Force, Repair, quantity
-from elliptude.cli.outputs import CONFIGURATION, require_outputs
+from elliptude.cli.outputs import CONFIGURATION, print_table, require_outputs
 from elliptude.cli.progress import steps
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
@@ -74,6 +75,7 @@ _DELIMITERS: dict[str, Delimiter] = {"comma": ",", "semicolon": ";", "tab": "\t"
 # Units in which an accelerometer may be, those that can be stated and others.
 _ACCELERATIONS: dict[str, float] = dict(units.ACCELERATION) | {"mm/s²": 1e-3}
 _DECIMALS: dict[str, Decimal] = {"point": ".", "comma": ","}
+_INDENT = 6 * " "
 
 
 def _stated(
@@ -394,7 +396,7 @@ def _say(
     )
     for line in columns_in_words(tables):
         typer.echo(f"  {line}")
-    Console(width=max(Console().width, 100)).print(_table(proposed))
+    print_table(_table(proposed))
     for line in remarks_on(proposed):
         typer.echo(line)
     if proposed.no_rest is not None:
@@ -413,18 +415,14 @@ def _say_statements(carried: Carried, statements: list[dict[str, Any]], says: li
         return
     others = ", ".join(f"--carried {one}" for one in get_args(Carried) if one != carried)
     typer.echo(f"What sets will rest on, by {in_words(carried)} ({others} if it is not); check each number:")
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("statement", no_wrap=True)
-    table.add_column("value", justify="right")
-    table.add_column("reason")
     once = Once([one["reason"] for one in statements if one["reason"]])
     for one in statements:
         value = one["value"]
         numbers = ", ".join(f"{number:g}" for number in value) if isinstance(value, list | tuple) else f"{value:g}"
-        table.add_row(
-            f"{one['table']}.{one['key']}", numbers, once((one["table"], one["key"]), one["reason"] or one["how"])
-        )
-    Console(width=max(Console().width, 100)).print(table)
+        typer.echo(f"  {one['table']}.{one['key']} = {numbers}")
+        # Below it, not beside it: in a narrow column names of other statements would be cut.
+        said = once((one["table"], one["key"]), one["reason"] or one["how"])
+        typer.echo(textwrap.fill(said, Console().width, initial_indent=_INDENT, subsequent_indent=_INDENT))
     for line in says:
         typer.secho(line, fg=typer.colors.YELLOW)
 

@@ -13,7 +13,7 @@ from rich.table import Table
 from elliptude.calibration import calibrate as calibrating
 from elliptude.calibration.calibrate import Found, FoundGyro, counted
 from elliptude.cli.options import LOG_HELP, Force, Repair, quantity, with_repair
-from elliptude.cli.outputs import CONFIGURATION, require_outputs
+from elliptude.cli.outputs import CONFIGURATION, print_table, require_outputs
 from elliptude.cli.progress import steps
 from elliptude.configuration.calibration import (
     STRONGEST_FIELD_UT,
@@ -55,7 +55,7 @@ def check(
         )
     else:
         if report.sensors:
-            Console(width=max(Console().width, 110)).print(_table(report))
+            print_table(_table(report))
         if report.up_at_rest is not None:
             typer.echo(f"{report.up_at_rest}.")
         for line in report.repaired:
@@ -73,7 +73,7 @@ def _table(report: Report) -> Table:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     for heading in ("sensor", "unit"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("measured", "empty", "Hz", "gaps", "longest step s", "lowest", "highest", "median norm"):
+    for heading in ("measured", "empty", "Hz", "gaps", "longest\nstep s", "lowest", "highest", "median\nnorm"):
         table.add_column(heading, justify="right")
     for sensor in report.sensors:
         table.add_row(
@@ -201,7 +201,7 @@ def calibrate(
     if as_json:
         typer.echo(json.dumps([one.figures() for one in found], indent=2, ensure_ascii=False))
         return
-    Console(width=max(Console().width, 110)).print(_corrections(found))
+    print_table(_corrections(found))
     for one in found:
         for remark in one.remarks():
             typer.echo(remark)
@@ -213,7 +213,7 @@ def _corrections(found: list[Found | FoundGyro]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     for heading in ("sensor", "from", "axis"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("subtracted", "possible offsets", "stated", "least squares", "scale error", "stated"):
+    for heading in ("subtracted", "possible\noffsets", "stated", "least\nsquares", "scale\nerror", "stated"):
         table.add_column(heading, justify="right", no_wrap=True)
     for one in found:
         scale = (f"{one.left.scale_error:.3g}", f"{one.stated_scale_error:g}")

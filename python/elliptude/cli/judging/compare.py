@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from elliptude.cli.options import LOG_HELP, Force, LargestGap, ReferenceErrorDeg, TruthConfig, quantity, reference_error
-from elliptude.cli.outputs import require_outputs
+from elliptude.cli.outputs import print_table, require_outputs
 from elliptude.cli.progress import steps
 from elliptude.configuration.configuration import read_configuration
 from elliptude.io.files import FileError
@@ -162,7 +162,7 @@ def _say(summary: dict[str, Any], error_deg: float, source: str | None) -> None:
             f"the reference is turned by {summary['turned_deg']:.4g} degrees onto the estimate {rows}: it takes on "
             "errors of the estimate, and cannot say whether it is inside"
         )
-    Console(width=max(Console().width, 110)).print(_table(summary))
+    print_table(_table(summary))
     if (relative := summary.get("relative")) is not None:
         rows, seconds, error = relative["delta_rows"], relative["delta_s"], relative["error_deg"]
         span = f"{seconds:g} s" if rows is None else f"{rows} row{'s' * (rows > 1)}"
@@ -176,7 +176,7 @@ def _table(summary: dict[str, Any]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     table.add_column("claim", no_wrap=True)
     for heading in (
-        "rows %", "inside %", "error ° mean", "rms", "max", "half-widths ° body", "half-widths ° reference",
+        "rows\n%", "inside\n%", "error\n° mean", "rms", "max", "half-widths\n° body", "half-widths\n° reference",
     ):  # fmt: skip
         table.add_column(heading, justify="right", no_wrap=True)
     for name, figures in {"all rows": summary["all"], **(summary["by_claim"] or {})}.items():

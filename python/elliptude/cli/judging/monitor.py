@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from elliptude.cli.options import LOG_HELP, EstimateLargestGap, Force, SummaryAsJson, quantity
-from elliptude.cli.outputs import SUMMARY, require_outputs
+from elliptude.cli.outputs import SUMMARY, print_table, require_outputs
 from elliptude.cli.progress import steps
 from elliptude.configuration.configuration import Configuration, read_configuration
 from elliptude.configuration.references import from_enu
@@ -250,7 +250,7 @@ def _say_monitored(summary: dict[str, Any]) -> None:
         )
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     table.add_column("error", no_wrap=True)
-    for heading in ("claim", "rows", "bound ° mean", "median", "max", "no bound", "proved wrong", "not in limit"):
+    for heading in ("claim", "rows", "bound\n° mean", "median", "max", "no\nbound", "proved\nwrong", "not in\nlimit"):
         table.add_column(heading, justify="right", no_wrap=True)
     for question in summary["questions"]:
         figures = summary[question]
@@ -265,7 +265,7 @@ def _say_monitored(summary: dict[str, Any]) -> None:
             if not is_first:
                 counts = ["", f"({figures['wrong_if_condition_holds']})", ""]
             table.add_row(question, claim, str(bound["rows"]), *angles, *counts)
-    Console(width=max(Console().width, 110)).print(table)
+    print_table(table)
     if summary["rows_with_proof"]:
         least = max(filter(None, (summary[question]["largest_least_deg"] for question in summary["questions"])))
         typer.secho(

@@ -14,7 +14,7 @@ from rich.table import Table
 import elliptude
 from elliptude.campaigns.pieces import Piece
 from elliptude.cli.options import SummaryAsJson, quantity
-from elliptude.cli.outputs import require_outputs
+from elliptude.cli.outputs import print_table, require_outputs
 from elliptude.cli.trials import resumed
 from elliptude.cli.trials.validate_recordings import validate_recordings
 from elliptude.io.files import write_json
@@ -160,15 +160,12 @@ def validate(
     if as_json:
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False))
     else:
-        terminal = Console()
-        # Cells that end in "..." are useless; a narrower terminal breaks the lines.
-        wide = Console(width=max(terminal.width, 160))
         for table, is_honest in ((_table, True), (_table_of_kinds, False)):
             shown = [case for case in summary["cases"] if (case["kind"] == "honest") == is_honest]
             if shown:
-                wide.print(table(shown))
+                print_table(table(shown))
         if "questions" in summary["total"]:
-            wide.print(_table_of_questions(summary))
+            print_table(_table_of_questions(summary))
         _print_total(summary)
         if before == 0:
             typer.echo(f"{summary['total']['updates'] / elapsed:.0f} updates a second")
