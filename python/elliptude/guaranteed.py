@@ -118,6 +118,12 @@ class GuaranteedFilter(_core.GuaranteedFilter, Stored):  # noqa: D101
             "regain_after": self.regain_after,
             "vector_bound": _pair_to_lists(self.vector_bound),
             "estimate_vector": self.estimate_vector,
+            **self._knowledge(),
+        }
+
+    def _knowledge(self) -> dict[str, Any]:
+        """What predictions, updates and `forget` change, but for the time."""
+        return {
             "ellipsoid": None if self.ellipsoid is None else self.ellipsoid.to_dict(),
             "vector": _pair_to_lists(self._vector),
             "rests_on_drops": self._rests_on_drops,

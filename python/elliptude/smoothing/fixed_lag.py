@@ -99,8 +99,9 @@ class FixedLagSmoother:
     Parameters
     ----------
     filter : GuaranteedFilter
-        As it is now: the first moment. Predictions and updates are to go through the smoother from now on. A copy of
-        the smoother has a filter of its own. What pickle stores is as `GuaranteedFilter`'s.
+        As it is now: the first moment. Predictions and updates are to go through the smoother from now on, and so is
+        `forget`: after any that did not, the smoother's functions raise `ValueError`, until `FixedLagSmoother.forget`.
+        A copy of the smoother has a filter of its own. What pickle stores is as `GuaranteedFilter`'s.
     lag : int
         How many moments are remembered besides the present one, 1 or more.
 
@@ -228,27 +229,37 @@ class FixedLagSmoother:
     def _begin(self) -> None:
         self._moments.clear()
         self._has_contradicted = False
-        self._moments.append(_Moment(self._filter.time, 0.0, _nowhere, *self._present()))
-
-    def _present(self) -> tuple[_Known, int]:
-        return _Known(self._filter.ellipsoid, CLAIMS.index(self._filter.claim)), self._filter._contradictions
+        self._add(0.0, _nowhere)
 
     def _refuse_other_use(self) -> None:
-        if self._filter.time != self._moments[-1].time:
+        """The moments lead to the state in which the smoother left the filter, and to no other."""
+        left_at = self._moments[-1].time
+        if self._filter.time != left_at:
             raise ValueError(
-                f"filter is at {self._filter.time:.6f} s, but its smoother left it at {self._moments[-1].time:.6f} s: "
+                f"filter is at {self._filter.time:.6f} s, but its smoother left it at {left_at:.6f} s: "
                 "predictions go through the smoother"
+            )
+        if self._filter._knowledge() != self._left:
+            raise ValueError(
+                f"filter is not as its smoother left it at {left_at:.6f} s: updates go through the smoother, and so "
+                "does forget"
             )
 
     def _append(self, duration: float, move_back: _Move, *, is_turn: bool = False) -> None:
         if duration > 0.0 or is_turn:
-            self._moments.append(_Moment(self._filter.time, duration, move_back, *self._present()))
+            self._add(duration, move_back)
         else:
             self._replace_present()
 
     def _replace_present(self) -> None:
         last = self._moments.pop()
-        self._moments.append(_Moment(self._filter.time, last.duration, last.move_back, *self._present()))
+        self._add(last.duration, last.move_back)
+
+    def _add(self, duration: float, move_back: _Move) -> None:
+        now = self._filter
+        known = _Known(now.ellipsoid, CLAIMS.index(now.claim))
+        self._moments.append(_Moment(now.time, duration, move_back, known, now._contradictions))
+        self._left = now._knowledge()
 
     @property
     def _is_product(self) -> bool:

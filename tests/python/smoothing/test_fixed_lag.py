@@ -316,3 +316,42 @@ def test_a_filter_that_was_predicted_by_itself_is_refused():
     ):
         with pytest.raises(ValueError, match=r"filter is at 2\.000000 s, but its smoother left it at 1\.000000 s"):
             call()
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda filter_: filter_.forget(),
+        lambda filter_: filter_.update(attitude=np.eye(3), attitude_bound=1e-3),
+        lambda filter_: filter_.update(attitude=np.eye(3), attitude_bound=0.1),
+        lambda filter_: filter_.update_linear([0.0], [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]], [[1e-6]]),
+        lambda filter_: filter_.predict_turn(1.0, [0.0, 0.0, 0.1], 1e-3),
+    ],
+    ids=["forget", "update", "update that leaves the set", "linear update", "turn over no time"],
+)
+def test_a_filter_that_others_used_at_the_same_time_is_refused(use):
+    flow = el.GuaranteedGyroFlow(1e-4, interval_rate="mean")
+    filter_ = el.GuaranteedFilter(flow, vector_bound=1e-3)
+    smoother = FixedLagSmoother(filter_, 4)
+    smoother.predict(1.0, gyro=[0.0, 0.0, 0.1])
+    smoother.update(attitude=np.eye(3), attitude_bound=1e-2)
+    use(filter_)
+    for call in (
+        lambda: smoother.predict(3.0, gyro=[0.0, 0.0, 0.1]),
+        lambda: smoother.predict_turn(3.0, [0.0, 0.0, 0.1], 0.01),
+        lambda: smoother.update(np.eye(3), np.eye(3), 0.1),
+        lambda: smoother.smoothed(0),
+    ):
+        with pytest.raises(ValueError, match=r"filter is not as its smoother left it at 1\.000000 s"):
+            call()
+    smoother.forget()
+    assert smoother.moments == 1
+    smoother.predict(3.0, gyro=[0.0, 0.0, 0.1])
+
+
+def test_a_filter_is_as_it_was_left_after_an_update_that_raises():
+    smoother, _ = square("raise")
+    known = smoother.filter.ellipsoid
+    with pytest.raises(el.InconsistentMeasurement):
+        smoother.update(attitude=so3.exp(np.array([1.0, 0.0, 0.0])), attitude_bound=1e-4)
+    assert smoother.smoothed(0).ellipsoid == known
