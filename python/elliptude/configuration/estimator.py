@@ -85,12 +85,13 @@ class Estimator(Model):
 class GivenStart(Model):
     """A set given beforehand, which must hold the state at the log's first time.
 
-    ``rate_rad_per_s`` is the angular velocity, or the gyro's bias for a gyro flow. P is in rad², rad²/s, rad²/s².
+    ``rate_rad_per_s`` is the angular velocity, or for a gyro flow the gyro's bias, the whole of it; if it is left out,
+    what the flow says is known of that, or zero. P is in rad², rad²/s, rad²/s².
     """
 
     kind: Literal["given"]
     attitude_qw_qx_qy_qz: Quaternion
-    rate_rad_per_s: Vector = (0.0, 0.0, 0.0)
+    rate_rad_per_s: Vector | None = None
     P_diagonal: Diagonal6 | None = None
     P: tuple[Vector6, Vector6, Vector6, Vector6, Vector6, Vector6] | None = None
 
@@ -100,20 +101,24 @@ class GivenStart(Model):
         self.build()
         return self
 
-    def build(self) -> elliptude.StateEllipsoid:
-        """The core's state ellipsoid."""
+    def build(self, known_bias: FloatArray | None = None) -> elliptude.StateEllipsoid:
+        """The core's state ellipsoid; `known_bias`, rad/s, shape (3,), is what is known of the bias of a gyro."""
         quaternion = np.asarray(self.attitude_qw_qx_qy_qz)
         quaternion = quaternion / np.abs(quaternion).max()  # squares of very large or small numbers overflow or vanish
         attitude = elliptude.rotation_from_quaternion(quaternion / np.linalg.norm(quaternion))
         shape = np.diag(self.P_diagonal) if self.P_diagonal is not None else np.asarray(self.P)
-        return elliptude.StateEllipsoid(attitude, self.rate_rad_per_s, shape)
+        if self.rate_rad_per_s is not None:
+            vector = np.asarray(self.rate_rad_per_s)
+        else:
+            vector = np.zeros(3) if known_bias is None else known_bias
+        return elliptude.StateEllipsoid(attitude, vector, shape)
 
 
 class FirstMeasurementStart(Model):
     """The set that is measured by the log's first row that has two directions or more, and the rate.
 
     Rows before it are left out. A gyro flow has no measured rate in its state; there the gyro's bias starts within a
-    ball about zero.
+    ball about what the flow says is known of it.
     """
 
     kind: Literal["first_measurement"]

@@ -29,6 +29,7 @@ from elliptude.io.toml import (
     SizedBound,
     Vector,
 )
+from elliptude.typing import FloatArray
 
 EARTH_RATE_DEG_PER_S = 0.0042
 """How fast the Earth turns, 360 degrees in 86164 s, rounded up."""
@@ -188,6 +189,10 @@ class GyroFlow(Timed):
             largest_rate=math.inf if self.largest_rate_deg_per_s is None else math.radians(self.largest_rate_deg_per_s),
             angular_acceleration=math.radians(acceleration) if acceleration else math.inf,
         )
+
+    def known_bias(self) -> FloatArray:
+        """What is known of the gyro's bias, rad/s, shape (3,)."""
+        return np.deg2rad(self.known_bias_deg_per_s)
 
     def require_earth_rate(self) -> None:
         """Refuse bounds that the Earth's turn alone breaks; for axes that turn with it."""

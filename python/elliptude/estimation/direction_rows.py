@@ -98,7 +98,7 @@ def direction_rows(log: Log, configuration: Configuration) -> DirectionRows:
     bias = np.zeros(3)
     gyro: GyroBounds | None = None
     if isinstance(flow, GyroFlow):
-        bias = np.deg2rad(flow.known_bias_deg_per_s)
+        bias = flow.known_bias()
         gyro = replace(flow.bounds(), longest_interval=gaps.longest_interval(log, configuration))
     contradictions: list[Contradiction] = []
     found: list[DirectionBounds] = []

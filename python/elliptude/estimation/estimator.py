@@ -291,22 +291,24 @@ def _no_start(configuration: Configuration) -> ValueError:
 
 def _start(log: Log, configuration: Configuration) -> elliptude.StateEllipsoid:
     """The set at the log's first time."""
-    start = configuration.start
+    start, flow = configuration.start, configuration.flow
+    known_bias = flow.known_bias() if isinstance(flow, GyroFlow) else None
     if isinstance(start, GivenStart):
-        return start.build()
+        return start.build(known_bias)
     assert start is not None  # the configuration's check
     sensors = configuration.directions
     there = np.flatnonzero(np.isfinite(log.directions[0, :, 0]))
     directions, references = log.directions[0, there], log.references[0, there]
     bounds = np.array([sensors[i].bound() for i in there])
     weights = np.array([sensors[i].weight for i in there])
-    if configuration.rate is None:
+    if known_bias is not None:
         assert start.bias_bound_deg_per_s is not None
         attitude, attitude_shape = elliptude.measured_attitude(directions, references, bounds, weights)
         shape = np.zeros((6, 6))
         shape[:3, :3] = attitude_shape
         shape[3:, 3:] = np.eye(3) * np.deg2rad(start.bias_bound_deg_per_s) ** 2
-        return elliptude.StateEllipsoid(attitude, np.zeros(3), shape)
+        return elliptude.StateEllipsoid(attitude, known_bias, shape)
+    assert configuration.rate is not None
     assert log.rates is not None
     return elliptude.measured_state(directions, references, bounds, log.rates[0], configuration.rate.bound(), weights)
 

@@ -171,12 +171,17 @@ def _start(log: Log, configuration: Configuration, rows: DirectionRows) -> tuple
     """The set at the first row, if one is given or follows; and whether the heading counts from there."""
     given = configuration.start
     if isinstance(given, GivenStart):
-        start = given.build()
-        if not isinstance(configuration.flow, GyroFlow) or configuration.flow.estimate_bias:
-            return start, False
-        if np.any(start.vector):
+        flow = configuration.flow
+        if not isinstance(flow, GyroFlow):
+            return given.build(), False
+        known = flow.known_bias()
+        start = given.build(known)
+        if flow.estimate_bias:  # the filter's state is what is left of it
+            return elliptude.StateEllipsoid(start.attitude, start.vector - known, start.shape), False
+        if given.rate_rad_per_s is not None and (start.vector.any() or known.any()):
             raise ValueError(
-                "start.rate_rad_per_s: the bias is not estimated; flow.known_bias_deg_per_s is what is known of it"
+                "start.rate_rad_per_s: the bias is not estimated; flow.known_bias_deg_per_s is what is known of it, "
+                "so leave it out"
             )
         return _without_bias(start.attitude, start.shape[:3, :3]), False
     heading_is_measured = any(

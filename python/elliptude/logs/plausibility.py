@@ -334,7 +334,7 @@ def _rate_errors(times: FloatArray, rates: FloatArray, configuration: Configurat
         errors: FloatArray = rule.gyro.bounds().rate_error(speeds, since) + math.radians(rule.rest.rate_deg_per_s)
         return errors
     between = flow.off_the_line(float(np.median(np.diff(times))))
-    known_bias = float(np.linalg.norm(np.deg2rad(flow.known_bias_deg_per_s)))
+    known_bias = float(np.linalg.norm(flow.known_bias()))
     return np.asarray(flow.bounds().rate_error(speeds, since) + between + known_bias)
 
 

@@ -154,7 +154,7 @@ class Stated:
         windows = [w for sensor in self.directions for w in getattr(sensor.bound_from, "windows_s", ())]
         return StatedGyro(
             flow.bounds(),
-            np.deg2rad(flow.known_bias_deg_per_s),
+            flow.known_bias(),
             flow.estimate_bias,
             math.radians(flow.angular_acceleration_deg_per_s2),
             flow.interval_rate == "first_sample",
