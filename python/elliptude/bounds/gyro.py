@@ -116,6 +116,18 @@ class GyroBounds:
         noise = self.noise + rate
         return replace(self, noise=noise, increment=np.inf, noise_turn=np.inf, noise_turn_growth=0.0)
 
+    def lasting_noise(self, duration: float) -> float:
+        """The largest rate, rad/s, that noise may have throughout every window of up to this duration, s; section 18.4.
+
+        In axes that do not turn, in which an increment is the turn of such a noise, too.
+        """
+        lasting = [self.noise]
+        if np.isfinite(self.increment):
+            lasting.append(self.increment / duration)
+        if np.isfinite(self.noise_turn):
+            lasting.append(self.noise_turn / duration + self.noise_turn_growth)
+        return min(lasting)
+
     def gaps(self, times: FloatArray, angular_velocities: FloatArray) -> NDArray[np.bool_]:
         """Steps between rows that are longer than the noise bound speaks of.
 

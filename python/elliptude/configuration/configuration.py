@@ -282,7 +282,9 @@ class Configuration(Model):
                 raise ValueError(f"directions[{i}] ({sensor.name}): the Sun by time needs reference_frame = 'J2000'")
         is_guaranteed = self.estimator.mode == "guaranteed" and self.rule is None
         if is_guaranteed and isinstance(self.flow, GyroFlow) and self.reference_frame in EARTHS_FRAMES:
-            self.flow.require_earth_rate()
+            windows = [sensor.bound_from for sensor in self.directions]
+            longest = [max(one.windows_s) for one in windows if isinstance(one, VelocityWindowBound)]
+            self.flow.require_earth_rate(max(longest, default=0.0))
         return self
 
     def stated(self) -> Stated:

@@ -1,6 +1,7 @@
 """How the body moves, as a configuration states it: a rigid body under torques, or a gyro."""
 
 import math
+from dataclasses import replace
 from typing import Annotated, Literal, Self, TypeAlias
 
 import numpy as np
@@ -39,18 +40,15 @@ EarthRate: TypeAlias = Literal["removed"]
 """That the Earth's turn was taken off the rates."""
 
 
-def require_earth_rate(
-    earth_rate: EarthRate | None, bias: float, noise: float, adds_up: float | None, *, place: str
-) -> None:
-    """Refuse bounds of a gyro that the Earth's turn alone breaks.
+def require_earth_rate(earth_rate: EarthRate | None, gyro: GyroBounds, longest_window: float, *, place: str) -> None:
+    """Refuse bounds of a gyro that the Earth's turn alone breaks: it is in bias and noise, as far as each allows.
 
     Parameters
     ----------
     earth_rate : "removed", optional
-    bias, noise : float
-        deg/s.
-    adds_up : float, optional
-        deg; what the noise adds up to at most. With such a bound the Earth's turn is no part of the noise.
+    gyro : GyroBounds
+    longest_window : float
+        Over which what is said of turns by the noise holds, s; for bounds without such, any.
     place : str
         The table, for the message.
 
@@ -58,12 +56,15 @@ def require_earth_rate(
     ------
     ValueError
     """
-    covered = bias + (noise if adds_up is None else 0.0)
-    if earth_rate is None and covered < EARTH_RATE_DEG_PER_S:
+    room = math.degrees(gyro.bias + gyro.lasting_noise(longest_window))
+    # What is stated as this very number has room, whatever its conversion is rounded to.
+    if earth_rate is None and room < (1.0 - 1e-12) * EARTH_RATE_DEG_PER_S:
+        adds_up = np.isfinite(min(gyro.increment, gyro.noise_turn))
+        over = f" over windows of {longest_window:g} s" if adds_up else ""
         raise ValueError(
             f"{place}: in axes of the Earth a gyro shows that these turn, by {EARTH_RATE_DEG_PER_S} deg/s, for which "
-            f"its bounds leave no room ({covered:.3g}): add it to bias_deg_per_s, or to noise_deg_per_s where the bias "
-            "is estimated, or state earth_rate = 'removed' if it was taken off"
+            f"its bounds leave no room ({room:.4g}{over}): add it to bias_deg_per_s, or to the noise where the bias is "
+            "estimated, or state earth_rate = 'removed' if it was taken off"
         )
 
 
@@ -194,13 +195,15 @@ class GyroFlow(Timed):
         """What is known of the gyro's bias, rad/s, shape (3,)."""
         return np.deg2rad(self.known_bias_deg_per_s)
 
-    def require_earth_rate(self) -> None:
-        """Refuse bounds that the Earth's turn alone breaks; for axes that turn with it."""
-        assert self.noise_deg_per_s is not None  # the configuration's check
-        adds_up = self.increment_deg if self.noise_turn_deg is None else self.noise_turn_deg
+    def require_earth_rate(self, longest_window: float) -> None:
+        """Refuse bounds that the Earth's turn alone breaks; for axes that turn with it.
+
+        `longest_window`, s, is that over which sensors are averaged, 0 if none is.
+        """
+        gyro, longest = self.bounds(), max(longest_window, self.anchor_s or 0.0)
         # A bias that is estimated is one of the body's axes, in which the Earth's turn changes with the attitude.
-        bias = 0.0 if self.estimate_bias else self.bias_deg_per_s
-        require_earth_rate(self.earth_rate, bias, self.noise_deg_per_s, adds_up, place="flow")
+        gyro = replace(gyro, bias=0.0) if self.estimate_bias else gyro
+        require_earth_rate(self.earth_rate, gyro, longest, place="flow")
 
     def off_the_line(self, interval: float, drift: float = 0.0) -> float:
         """How far a rate between samples may be off because of the motion between them, rad/s; section 18.3.

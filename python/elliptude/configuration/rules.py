@@ -92,11 +92,9 @@ class GyroRule(Model):
     largest_angular_acceleration_deg_per_s2: PositiveSize | None = None
 
     @model_validator(mode="after")
-    def _is_of_a_gyro_on_earth(self) -> Self:
+    def _adds_growth_to_something(self) -> Self:
         if self.noise_turn_growth_deg_per_s is not None and self.noise_turn_deg is None:
             raise ValueError("noise_turn_growth_deg_per_s needs noise_turn_deg, what it is added to")
-        adds_up = self.increment_deg if self.noise_turn_deg is None else self.noise_turn_deg
-        require_earth_rate(self.earth_rate, self.bias_deg_per_s, self.noise_deg_per_s, adds_up, place="gyro")
         return self
 
     def bounds(self) -> GyroBounds:
@@ -198,6 +196,12 @@ class Rule(Model):
     """Whose numbers are the usual ones for this kind of recording; those for the hand if it is not stated."""
     bounds_from_recording: str | None = None
     """The recording that the numbers are proposals from, if nobody has given reasons for them."""
+
+    @model_validator(mode="after")
+    def _is_of_a_gyro_on_earth(self) -> Self:
+        windows = [*self.motion.windows_s, *([] if self.magnetometer is None else [self.magnetometer.window_s])]
+        require_earth_rate(self.gyro.earth_rate, self.gyro.bounds(), max(windows), place="gyro")
+        return self
 
     def motion_in_rest(self) -> MotionBounds:
         """Bounds of the motion in the rest at the start, in SI units."""

@@ -340,6 +340,7 @@ def test_a_reference_from_two_sensors_is_not_relaxed(says, message):
 
 
 STILL_ON_EARTH = {"noise_deg_per_s": 0.001, "bias_deg_per_s": 0.001}
+GROWING = STILL_ON_EARTH | {"noise_deg_per_s": 1.0, "noise_turn_deg": 1e-9, "anchor_s": 2.0}
 
 
 @pytest.mark.parametrize(
@@ -351,9 +352,17 @@ STILL_ON_EARTH = {"noise_deg_per_s": 0.001, "bias_deg_per_s": 0.001}
         (STILL_ON_EARTH | {"earth_rate": "removed"}, True),
         # What changes with the pose is no bias that stands still.
         (STILL_ON_EARTH | {"bias_deg_per_s": 0.1, "estimate_bias": True}, False),
-        # An increment says that noise does not keep its sign.
-        (STILL_ON_EARTH | {"noise_deg_per_s": 1.0, "increment_deg": 0.1, "anchor_s": 1.0}, False),
-        (STILL_ON_EARTH | {"noise_deg_per_s": 1.0, "noise_turn_deg": 0.1, "anchor_s": 1.0}, False),
+        # A noise that keeps its sign adds up: beside a bias of 0.001 it is 0.0032 deg/s, in 2 s 0.0064 deg.
+        (STILL_ON_EARTH | {"noise_deg_per_s": 1.0, "increment_deg": 0.0063, "anchor_s": 2.0}, False),
+        (STILL_ON_EARTH | {"noise_deg_per_s": 1.0, "increment_deg": 0.0065, "anchor_s": 2.0}, True),
+        (STILL_ON_EARTH | {"noise_deg_per_s": 1.0, "noise_turn_deg": 0.0063, "anchor_s": 2.0}, False),
+        (STILL_ON_EARTH | {"noise_deg_per_s": 1.0, "noise_turn_deg": 0.0065, "anchor_s": 2.0}, True),
+        (GROWING | {"noise_turn_growth_deg_per_s": 0.0031}, False),
+        (GROWING | {"noise_turn_growth_deg_per_s": 0.0033}, True),
+        # Both hold, and so does the bound of an instant.
+        (GROWING | {"noise_turn_growth_deg_per_s": 1.0, "increment_deg": 0.0063}, False),
+        (GROWING | {"noise_turn_growth_deg_per_s": 1.0, "increment_deg": 0.0065}, True),
+        (GROWING | {"noise_turn_growth_deg_per_s": 1.0, "noise_deg_per_s": 0.0031}, False),
     ],
 )
 def test_a_gyro_on_earth_shows_that_it_turns(flow, covers):
@@ -372,11 +381,18 @@ def test_a_gyro_on_earth_shows_that_it_turns(flow, covers):
 
 def test_a_rule_is_of_the_earth():
     tables = hand_held().model_dump(mode="json", exclude_none=True)
-    tables["gyro"] |= {"noise_deg_per_s": 0.01, "bias_deg_per_s": 0.004}
+    tables["gyro"] |= {"noise_deg_per_s": 0.0001, "bias_deg_per_s": 0.004}
     with pytest.raises(ValueError, match="gyro: in axes of the Earth"):
         Rule.model_validate(tables)
     tables["gyro"]["earth_rate"] = "removed"
     Rule.model_validate(tables)
+    # Windows are up to 60 s: beside a bias of 0.004 deg/s they leave 0.012 deg to the Earth.
+    del tables["gyro"]["earth_rate"]
+    tables["gyro"]["noise_deg_per_s"] = 0.01
+    tables["motion"]["windows_s"] = [2.0, 60.0]
+    Rule.model_validate(tables | {"gyro": tables["gyro"] | {"increment_deg": 0.0121}})
+    with pytest.raises(ValueError, match=r"leave no room \(0\.00415 over windows of 60 s\)"):
+        Rule.model_validate(tables | {"gyro": tables["gyro"] | {"increment_deg": 0.009}})
 
 
 def test_a_growth_needs_what_it_is_added_to():
