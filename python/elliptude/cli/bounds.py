@@ -391,7 +391,8 @@ def _say(
     """What was read, what it shows, and what is odd in it."""
     compared = "with its reference attitude" if recording.attitudes is not None else "without a reference attitude"
     typer.echo(
-        f"{log}: {len(recording.times)} rows, {proposed.duration:.4g} s, {100.0 * proposed.rest:.3g} % at rest, "
+        f"{log}: {len(recording.times)} samples of the gyro, {proposed.duration:.4g} s, "
+        f"{100.0 * proposed.rest:.3g} % at rest, "
         f"{compared}"
     )
     for line in columns_in_words(tables):

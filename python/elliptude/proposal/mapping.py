@@ -423,7 +423,7 @@ def read_recording(path: LogSource, configuration: Configuration) -> tuple[Recor
     gyro = samples["the gyro"]
     if len(gyro.times) < 3:
         raise FileError(
-            f"{name}: bounds cannot be proposed from fewer than 3 rows of the gyro, and it has {len(gyro.times)}"
+            f"{name}: bounds cannot be proposed from fewer than 3 samples of the gyro, and it has {len(gyro.times)}"
         )
     vectors: dict[str, FloatArray] = {}
     sampled: dict[str, NDArray[np.bool_]] = {}

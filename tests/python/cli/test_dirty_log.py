@@ -56,6 +56,20 @@ def test_what_a_repair_leaves_out_makes_sets_no_smaller(tmp_path):
         assert np.isnan(angles[1]) or angles[1] >= angles[0]
 
 
+def test_rows_are_the_logs_and_samples_are_the_gyros(tmp_path):
+    """A repair leaves two samples of the gyro out, and keeps their rows, in which the others measured."""
+    recording = made()
+    columns = columns_of(recording)
+    columns[[3000, 4000], 2] = np.inf
+    log = tmp_path / "log.csv"
+    np.savetxt(log, columns, fmt="%.9g", delimiter=",", header=",".join(HEADER), comments="")
+    _, said, summary, results = two_commands(tmp_path, log, "--repair")
+    count = len(recording.times)
+    assert summary["rows"] == len(results.times) == count
+    assert f"{log.name}: {count - 2} samples of the gyro, " in said
+    assert f"{log.name}: {count} rows; " in said
+
+
 def test_a_noisy_gyro_rests_too(tmp_path):
     recording = made()
     noise = np.deg2rad(1.4) * np.random.default_rng(3).standard_normal(recording.angular_velocities.shape)

@@ -72,7 +72,7 @@ def test_files_that_are_no_log(tmp_path):
     (tmp_path / "empty").mkdir()
     assert "empty: a folder without CSV files, and no ROS 2 bag" in refuse("bounds", tmp_path / "empty")
     log = write(tmp_path, HEADER, columns_of(made())[:1])
-    assert "fewer than 3 rows of the gyro, and it has 1" in refuse("bounds", log)
+    assert "fewer than 3 samples of the gyro, and it has 1" in refuse("bounds", log)
 
 
 def test_a_rule_in_the_place_of_a_configuration(tmp_path):
