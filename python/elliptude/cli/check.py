@@ -166,7 +166,9 @@ def calibrate(
     is left of the errors is a bound by the same statements.
     """
     require_outputs([out], force=force, read=[log, config, statements], endings={out: CONFIGURATION})
-    configuration = read_configuration(config).model_copy(update={"calibration": None})
+    # What is neither calibrated nor needed for that would only bring stamps of its own.
+    unused = {"calibration": None, "truth": None, "velocity": None}
+    configuration = read_configuration(config).model_copy(update=unused)
     known = read_statements(statements)
     if disturbance_ut is not None:
         magnetometer = known.magnetometer.model_copy(update={"disturbance_ut": disturbance_ut})

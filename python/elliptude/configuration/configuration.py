@@ -232,6 +232,11 @@ class Configuration(Model):
         """How far the stamps of rows, which are the gyro's, may be off against those of all others, s."""
         return self.flow.time_offset_bound_s if isinstance(self.flow, GyroFlow) else 0.0
 
+    @property
+    def time_offset_of_truth(self) -> float:
+        """How far the stamps of what is compared with may be off against the rows, s."""
+        return self.time_offset_of_rows + (0.0 if self.truth is None else self.truth.time_offset_bound_s)
+
     def _require_what_a_rule_is_of(self) -> None:
         if self.start is not None:
             raise ValueError("start: a rule says how a recording starts")
@@ -443,7 +448,7 @@ class Configuration(Model):
     @property
     def compares_vector(self) -> bool:
         """Whether forms include the vector, if its truth is known."""
-        return self.estimates_vector and self.truth_error == 0.0 and self.time_offset_of_rows == 0.0
+        return self.estimates_vector and self.truth_error == 0.0 and self.time_offset_of_truth == 0.0
 
     @property
     def accelerometer(self) -> Accelerometer | None:

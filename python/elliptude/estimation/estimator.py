@@ -168,7 +168,8 @@ class PieceEstimator:
         self.answers = self._answers_of(self.guaranteed, self._configuration)
         result = guaranteed_result.result_of(self.guaranteed, self._configuration, self.best, self.answers)
         self.elapsed += time.perf_counter() - begin
-        self.vector_is_compared = log.true_vectors is not None and self._configuration.compares_vector
+        is_of_rows = log.true_vectors is not None and log.true_sampled is None
+        self.vector_is_compared = is_of_rows and self._configuration.compares_vector
         return result
 
     def _filtered(self, pieces: Iterable[Log]) -> Iterator[tuple[Log, FilterLog, bool]]:

@@ -63,17 +63,17 @@ def result_of(
     # The filter's state is what is left of a gyro's bias; the table is of the bias.
     known = run.rows.bias
     true_vectors = log.true_vectors - known if configuration.estimates_vector and log.true_vectors is not None else None
-    turned = turns_within_offset(run, configuration)
-    errors, forms = compare(guaranteed, true_attitudes, true_vectors, configuration.truth_error, turned)
+    to_truth = turns_within(run, configuration, configuration.time_offset_of_truth, log.true_sampled)
+    errors, forms = compare(guaranteed, true_attitudes, true_vectors, configuration.truth_error, to_truth)
     extents = guaranteed.extents()
     vectors, shapes, half_widths = guaranteed.vectors + known, guaranteed.shapes, extents.half_widths_body
     answered = answer_columns.columns_of(
         answers,
         guaranteed,
         true_attitudes,
-        true_vectors if configuration.compares_vector else None,
+        true_vectors if configuration.compares_vector and log.true_sampled is None else None,
         configuration.truth_error,
-        turned,
+        to_truth,
     )
     if answered.get("vector_ranges") is not None:
         answered["vector_ranges"] = answered["vector_ranges"] + np.repeat(known, 2)
@@ -105,22 +105,42 @@ def result_of(
         **_of_questions(run),
         **best_estimates.columns_of(best),
         **answered,
-        clock_turns=turned,
+        clock_turns=turns_within(run, configuration, configuration.time_offset_of_rows),
     )
 
 
-def turns_within_offset(run: GuaranteedRun, configuration: Configuration) -> FloatArray | None:
-    """How far the body may turn within the offset of the gyro's stamps, which rows have, rad, shape (N,).
+def turns_within(
+    run: GuaranteedRun, configuration: Configuration, offset: float, sampled: FloatArray | None = None
+) -> FloatArray | None:
+    """How far the body may turn between the moments of rows and of what stands beside them, rad, shape (N,).
 
-    None without such an offset; where nothing bounds the turn it is π.
+    Parameters
+    ----------
+    run : GuaranteedRun
+    configuration : Configuration
+    offset : float
+        How far the stamps of the two may be off against one another, s.
+    sampled : (N,) array, optional
+        Stamps that are not those of the rows, s.
+
+    Returns
+    -------
+    (N,) array, or None
+        π where nothing bounds the turn; None where there is no time between the two.
     """
-    flow, offset = configuration.flow, configuration.time_offset_of_rows
-    if offset == 0.0 or not isinstance(flow, GyroFlow) or run.rows.gyro is None:
+    if offset == 0.0 and sampled is None:
         return None
-    log = gaps.without_rates_in_gaps(run.log, gaps.longest_interval(run.log, configuration))
-    assert log.rates is not None
-    turned = turned_by_offset(log, log.rates - run.rows.bias, offset, run.rows.gyro, flow)
-    return np.where(np.isfinite(turned), np.minimum(turned, np.pi), np.pi)
+    flow = configuration.flow
+    if isinstance(flow, GyroFlow):
+        assert run.rows.gyro is not None
+        log = gaps.without_rates_in_gaps(run.log, gaps.longest_interval(run.log, configuration))
+        assert log.rates is not None
+        turned = turned_by_offset(log, log.rates - run.rows.bias, offset, run.rows.gyro, flow, sampled)
+        return np.where(np.isfinite(turned), np.minimum(turned, np.pi), np.pi)
+    times = run.log.times
+    away = np.full(len(times), offset) + (0.0 if sampled is None else np.abs(sampled - times))
+    rate = np.inf if flow.largest_rate_deg_per_s is None else np.deg2rad(flow.largest_rate_deg_per_s)
+    return np.where(away > 0.0, np.minimum(rate * np.where(away > 0.0, away, 1.0), np.pi), 0.0)
 
 
 def _of_questions(run: GuaranteedRun) -> dict[str, Any]:

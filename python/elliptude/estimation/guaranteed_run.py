@@ -271,6 +271,7 @@ def _filter_input(log: Log, configuration: Configuration, rows: DirectionRows, t
         names = rows.names
         motion = {}
         if configuration.rate is not None:
+            _require_rates_of_rows(log)
             measured |= {"angular_velocity": log.rates, "rate_bound": configuration.rate.bound()}
             names = (*names, "rate")
         if log.control_torques is not None:
@@ -311,6 +312,16 @@ def _filter_input(log: Log, configuration: Configuration, rows: DirectionRows, t
         largest_bias if flow.estimate_bias else _NO_BIAS,
         estimates_vector=configuration.estimates_vector,
     )
+
+
+def _require_rates_of_rows(log: Log) -> None:
+    """Refuse rates at other times than their rows: torques may change a rate by any amount in between."""
+    if (sampled := log.rate_sampled) is not None:
+        moved = float(np.abs(sampled - log.times).max())
+        raise ValueError(
+            f"rate: timing.same_within_s moves its stamps by up to {moved:.3g} s, and torques may change the rate by "
+            "any amount meanwhile: state less, so that each stamp has a row"
+        )
 
 
 def _torque_of_wheels(log: Log, largest_rate: float | None) -> float:

@@ -59,6 +59,10 @@ class Log:
     """By how much samples are later than their rows, s, shape (N, m); None where stamps were not brought together."""
     velocity_offsets: FloatArray | None = None
     """The same of the velocities, shape (N,)."""
+    rate_offsets: FloatArray | None = None
+    """The same of the rates of a rigid body, shape (N,)."""
+    true_offsets: FloatArray | None = None
+    """The same of the truth, shape (N,)."""
     control_torques: FloatArray | None = None
     """N m, body axes, row k acting until times[k], shape (N, 3)."""
     wheel_momenta: FloatArray | None = None
@@ -89,9 +93,22 @@ class Log:
 
     def sampled(self, i: int) -> FloatArray | None:
         """When direction i was sampled, s, shape (N,): its own stamps, or None where they are those of the rows."""
-        if self.offsets is None or not (np.abs(self.offsets[:, i]) > ROUNDING_OF_STAMPS_S).any():
+        return self._own_stamps(None if self.offsets is None else self.offsets[:, i])
+
+    @property
+    def rate_sampled(self) -> FloatArray | None:
+        """The same of the rates of a rigid body."""
+        return self._own_stamps(self.rate_offsets)
+
+    @property
+    def true_sampled(self) -> FloatArray | None:
+        """The same of the truth."""
+        return self._own_stamps(self.true_offsets)
+
+    def _own_stamps(self, offsets: FloatArray | None) -> FloatArray | None:
+        if offsets is None or not (np.abs(offsets) > ROUNDING_OF_STAMPS_S).any():
             return None
-        times: FloatArray = self.times + self.offsets[:, i]
+        times: FloatArray = self.times + offsets
         return times
 
     def since(self, first: int) -> "Log":
@@ -387,6 +404,8 @@ def _log(piece: Piece, file: LogFile, configuration: Configuration, constants: S
         if sensors and piece.offsets
         else None,
         velocity_offsets=piece.offsets.get("the velocity"),
+        rate_offsets=piece.offsets.get("rate"),
+        true_offsets=piece.offsets.get("true attitude"),
         control_torques=values.get("the control torque"),
         wheel_momenta=values.get("the wheel momentum"),
         true_vectors=values.get("true vector"),

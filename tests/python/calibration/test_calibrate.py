@@ -100,6 +100,18 @@ def test_the_true_offsets_are_within_what_is_left(folder):
     assert left <= field["averaged_error_ut"] - 0.3 < 1.0
 
 
+def test_stamps_of_a_truth_make_no_rows(folder):
+    """What is calibrated is seen as it would be without something to compare with."""
+    np.savez(folder / "late.npz", own=recording()["t"] + 0.004, **recording())
+    truth = configuration()["truth"] | {"time_column": "own", "time_unit": "s"}
+    (folder / "late.toml").write_text(tomlkit.dumps(configuration(truth=truth)))
+    known = ("--statements", folder / "table.toml", "--disturbance-ut", 0.1)
+    done = run("calibrate", folder / "late.npz", folder / "late.toml", "--out", folder / "of_late.toml", *known)
+    assert done.exit_code == 0, done.output
+    found, other = (tomlkit.parse((folder / name).read_text()).unwrap() for name in ("of_late.toml", "found.toml"))
+    assert found["calibration"]["sensors"] == other["calibration"]["sensors"]
+
+
 def test_estimate_uses_it_and_the_truth_stays_inside(folder):
     """A calibration holds for another recording of the same sensors."""
     np.savez(folder / "other.npz", **recording(seed=1, disturbance=1.0))

@@ -1,6 +1,7 @@
 """Sensors whose stamps `timing.same_within_s` brings together: a user states it, and sets hold the truth."""
 
 import numpy as np
+import pytest
 from elliptude import estimation
 from elliptude.configuration import Configuration
 from elliptude.estimation.direction_rows import direction_rows
@@ -80,3 +81,62 @@ def test_an_accelerometer_that_is_shaken(tmp_path):
     assert bounded.sum() > 0.9 * COUNT
     true = np.tile([0.0, 0.0, 1.0], (len(rows.angles), 1))
     assert (angle_between(rows.directions[:, 0], true) <= rows.angles[:, 0])[bounded].all()
+
+
+def turning(tmp_path, true_at, **truth):
+    """Two star trackers that are right, at the stamps of a gyro; and an attitude to compare with at others."""
+    then = attitudes_at(TIMES).inv()
+    references = np.eye(3)[1:]
+    shown = {name: then.apply(one) for name, one in zip("ab", references, strict=True)}
+    true = attitudes_at(true_at).as_quat(scalar_first=True)
+    own, rates = TIMES + LATE, np.tile([RATE, 0.0, 0.0], (COUNT, 1))
+    np.savez(tmp_path / "log.npz", t=TIMES, own=own, gyr=rates, true=true, bias=np.zeros((COUNT, 3)), **shown)
+    stars = [
+        {"name": name, "bound_deg": 0.01, "columns": columns(name), "reference": one.tolist()}
+        for name, one in zip("ab", references, strict=True)
+    ]
+    stated = configuration(
+        *stars,
+        flow={
+            "kind": "gyro", "columns": columns("gyr"), "noise_deg_per_s": 1e-6, "largest_rate_deg_per_s": 90.0,
+            "bias_deg_per_s": 0.01, "estimate_bias": True, "earth_rate": "removed",
+        },
+        truth={"attitude_columns": [f"true[{i}]" for i in range(4)], "vector_columns": columns("bias")} | truth,
+    )  # fmt: skip
+    return estimation.estimate(read_log(tmp_path / "log.npz", stated), stated)
+
+
+def test_a_truth_of_other_times_is_compared_as_such(tmp_path):
+    """It is right, and the body turns by up to 0.34 degrees from a row to it."""
+    found = turning(tmp_path, TIMES + LATE, time_column="own", time_unit="s")
+    errors = np.linalg.norm(found.result.errors[:, :3], axis=1)
+    assert np.nanmax(errors) > np.deg2rad(0.3)
+    assert np.nanmax(found.result.forms) <= 1.0
+    assert not found.vector_is_compared
+    wrong = turning(tmp_path, TIMES + LATE + 0.003, time_column="own", time_unit="s")
+    assert np.nanmax(wrong.result.forms) > 1.0
+    assert turning(tmp_path, TIMES).vector_is_compared
+
+
+def test_a_truth_whose_stamps_may_be_off(tmp_path):
+    assert np.nanmax(turning(tmp_path, TIMES + LATE, time_offset_bound_s=0.004).result.forms) <= 1.0
+    assert np.nanmax(turning(tmp_path, TIMES + LATE, time_offset_bound_s=0.002).result.forms) > 1.0
+
+
+def test_a_rate_of_a_body_is_of_its_own_time(tmp_path):
+    """Torques may turn it between its stamp and the row."""
+    then = attitudes_at(TIMES).inv()
+    shown = {name: then.apply(one) for name, one in zip("ab", np.eye(3)[1:], strict=True)}
+    rates = np.tile([RATE, 0.0, 0.0], (COUNT, 1))
+    np.savez(tmp_path / "log.npz", t=TIMES, own=TIMES + LATE + 0.001, rate=rates, **shown)
+    stars = [
+        {"name": name, "bound_deg": 0.01, "columns": columns(name), "reference": one.tolist()}
+        for name, one in zip("ab", np.eye(3)[1:], strict=True)
+    ]
+    rate = {"columns": columns("rate"), "bound_deg_per_s": 0.1, "time_column": "own", "time_unit": "s"}
+    body = {"kind": "rigid_body", "inertia_kg_m2": [1.0, 1.0, 1.0], "step_s": 0.01, "largest_rate_deg_per_s": 90.0}
+    stated = configuration(*stars, flow=body, rate=rate, reference_frame="J2000")
+    with pytest.raises(ValueError, match=r"rate: timing.same_within_s moves its stamps by up to 0\.00[45]"):
+        estimation.estimate(read_log(tmp_path / "log.npz", stated), stated)
+    stated = configuration(*stars, flow=body, rate=rate, reference_frame="J2000", timing={})
+    assert np.isfinite(estimation.estimate(read_log(tmp_path / "log.npz", stated), stated).result.largest_angles).all()
