@@ -437,6 +437,11 @@ def reference(sensor: str) -> tuple[str, str, str]:
     return (f"{sensor}_ex", f"{sensor}_ey", f"{sensor}_ez")
 
 
+def own_stamps(sensor: str) -> str:
+    """The column of when a direction was measured, where that is not the time of its row."""
+    return f"{sensor}_time_s"
+
+
 def names_of_chosen(names: list[str], chosen: NDArray[np.bool_]) -> list[str]:
     """The names chosen in each row, a space between them; texts are made once for each choice that occurs."""
     codes = np.zeros(len(chosen), dtype=np.intp)

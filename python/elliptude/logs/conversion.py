@@ -81,7 +81,9 @@ def convert_measurements(
 ) -> int:
     """Write the part of a log that a configuration uses as a table of measurements (docs/tables.md).
 
-    Rows are those that the estimator sees. Directions are unit vectors in body axes, rates in rad/s.
+    Rows are those that the estimator sees. Directions are unit vectors in body axes, rates in rad/s. Where
+    ``timing.same_within_s`` puts stamps into rows of other times, directions, a measured rate and a
+    truth have columns of their own stamps.
 
     Parameters
     ----------
@@ -140,18 +142,26 @@ def _measurements(log: Log, configuration: Configuration) -> dict[str, Cells]:
         if values is not None:
             columns.update(zip(names, values.T, strict=True))
 
+    def stamped(name: str, vectors: FloatArray, offsets: FloatArray | None) -> None:
+        if offsets is not None:
+            columns[tables.own_stamps(name)] = np.where(np.isnan(vectors[:, 0]), np.nan, log.times + offsets)
+
     if log.true_attitudes is not None:
         quaternions = np.full((len(log.times), 4), np.nan)
         known = np.isfinite(log.true_attitudes[:, 0, 0])
         quaternions[known] = tables.quaternions_from_attitudes(log.true_attitudes[known]) if known.any() else 0.0
         add(tables.QUATERNION, quaternions)
+        stamped("true_attitude", quaternions, log.true_offsets)
     for i, sensor in enumerate(configuration.directions):
         for names, vectors in (
             (tables.measured(sensor.name), log.directions[:, i]),
             (tables.reference(sensor.name), log.references[:, i]),
         ):
             add(names, vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+        stamped(sensor.name, log.directions[:, i], None if log.offsets is None else log.offsets[:, i])
     add(tables.MEASURED_RATE, log.rates)
+    if log.rates is not None:
+        stamped("rate", log.rates, log.rate_offsets)
     return {name: Cells(values, np.isnan(values)) for name, values in columns.items()}
 
 

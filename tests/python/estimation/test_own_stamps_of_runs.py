@@ -5,6 +5,8 @@ import pytest
 from elliptude import estimation
 from elliptude.configuration import Configuration
 from elliptude.estimation.direction_rows import direction_rows
+from elliptude.io.tables import MEASURED_RATE, measured, own_stamps
+from elliptude.logs.conversion import convert_measurements
 from elliptude.logs.log import read_log
 from inputs import angle_between
 from scipy.spatial.transform import Rotation
@@ -140,3 +142,33 @@ def test_a_rate_of_a_body_is_of_its_own_time(tmp_path):
         estimation.estimate(read_log(tmp_path / "log.npz", stated), stated)
     stated = configuration(*stars, flow=body, rate=rate, reference_frame="J2000", timing={})
     assert np.isfinite(estimation.estimate(read_log(tmp_path / "log.npz", stated), stated).result.largest_angles).all()
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npz"])
+def test_converted_logs_keep_own_stamps(tmp_path, suffix):
+    """A table of measurements says when each sensor measured, so that an estimate from it is the same."""
+    then, count = attitudes_at(TIMES + LATE).inv(), 200
+    shown = {name: then.apply(one)[:count] for name, one in zip("ab", np.eye(3)[1:], strict=True)}
+    shown["b"][::3] = np.nan
+    rates = np.tile([RATE, 0.0, 0.0], (count, 1))
+    np.savez(tmp_path / "log.npz", t=TIMES[:count], own=(TIMES + LATE)[:count], gyr=rates, **shown)
+    stated = configuration(*(star(name, one.tolist()) for name, one in zip("ab", np.eye(3)[1:], strict=True)))
+    stated = stated.model_copy(update={"timing": stated.timing.model_copy(update={"not_a_number": "missing"})})
+    table = tmp_path / f"table{suffix}"
+    convert_measurements(tmp_path / "log.npz", table, stated)
+    again = configuration(
+        *(
+            star(name, one.tolist(), columns=measured(name), time_column=own_stamps(name))
+            for name, one in zip("ab", np.eye(3)[1:], strict=True)
+        ),
+        time_column="time_s",
+        flow=stated.flow.model_dump(exclude_unset=True) | {"columns": MEASURED_RATE},
+    )
+    logs = read_log(tmp_path / "log.npz", stated), read_log(table, again)
+    np.testing.assert_array_equal(*(log.times for log in logs))
+    np.testing.assert_allclose(*(log.offsets for log in logs), atol=1e-12)
+    assert np.abs(logs[1].offsets).max() > 0.003
+    angles = [
+        estimation.estimate(log, one).result.largest_angles for log, one in zip(logs, (stated, again), strict=True)
+    ]
+    np.testing.assert_allclose(*angles, rtol=1e-9)
