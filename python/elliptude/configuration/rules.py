@@ -25,7 +25,7 @@ from elliptude.bounds.samples import (
     angle_excess,
     angle_to_center,
 )
-from elliptude.bounds.stamps import shift, shift_by_own_stamps
+from elliptude.bounds.stamps import shift_by_own_stamps
 from elliptude.bounds.velocity import MeasuredVelocity
 from elliptude.bounds.windows import (
     MotionBounds,
@@ -442,9 +442,9 @@ class MovedFields(NamedTuple):
     values: FloatArray
     """µT; NaN where none belongs to the row, shape (N, 3)."""
     sampled: FloatArray
-    """What time each shows, s, as far as that is not part of the offset, shape (N,)."""
+    """What time each shows, s, shape (N,)."""
     offset: float
-    """How far else the time may be off that each shows, s."""
+    """How far that may be off, s."""
 
 
 def moved_fields(
@@ -464,20 +464,13 @@ def moved_fields(
     fields : (N, 3) array
         µT.
     sampled : (N,) array, optional
-        Their own stamps, s.
+        Their own stamps, s; those of the rows if they have none.
     longest_interval : float
         Between rows, s.
     """
-    if sampled is None:
-        shifted, left = shift(times, fields, stated.delay_s)
-    else:
-        shifted, own = shift_by_own_stamps(times, sampled, fields, stated.delay_s)
-        left = np.abs(own - times)
-    shifted[left > 0.5 * longest_interval] = np.nan  # at a gap no value belongs there
-    if sampled is not None:
-        return MovedFields(shifted, own, stated.time_offset_bound_s)
-    farthest = float(left.max(where=np.isfinite(shifted[:, 0]), initial=0.0))
-    return MovedFields(shifted, times, stated.time_offset_bound_s + farthest)
+    shifted, own = shift_by_own_stamps(times, times if sampled is None else sampled, fields, stated.delay_s)
+    shifted[np.abs(own - times) > 0.5 * longest_interval] = np.nan  # at a gap no value belongs there
+    return MovedFields(shifted, own, stated.time_offset_bound_s)
 
 
 def _without_contradictions(
@@ -506,8 +499,8 @@ def field_at_start(
     longest = longest_interval_of(np.diff(times), rule.gyro.longest_interval_s)
     gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest)
     rest = rest_at_start(rule.rest, times, angular_velocities, specific_forces, gyro)
-    shifted, _ = shift(times, fields, rule.magnetometer.delay_s)
-    reference, _ = _field_at_rest(rule, times[rest], specific_forces[rest], times[rest], shifted[rest])
+    moved = moved_fields(rule.magnetometer, times, fields, None, longest)
+    reference, _ = _field_at_rest(rule, times[rest], specific_forces[rest], moved.sampled[rest], moved.values[rest])
     direction: FloatArray = reference / np.linalg.norm(reference)
     return direction
 

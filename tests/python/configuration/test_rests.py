@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.configuration.rules import after_rest, apply_rule, hand_held
+from elliptude.bounds.rest import mean_over_time
+from elliptude.configuration.rules import after_rest, apply_rule, hand_held, moved_fields
 
 UP = np.array([0.0, 0.0, 9.807])
 FIELD = np.array([0.0, 20.0, -43.0])
@@ -105,3 +106,21 @@ def test_the_field_of_a_rest_changes_by_what_is_stated(change):
     known = np.isfinite(found.field.angles) & (times < 2.0)
     assert known.mean() > 0.3
     assert (np.arccos(np.clip(cosines[known], -1.0, 1.0)) <= found.field.angles[known]).all()
+
+
+def test_a_delay_of_uneven_rows_keeps_the_samples_own_times():
+    """A mean is over the time that samples show: rows' times weigh a sample by an interval that is not its own."""
+    steps = np.where(np.arange(300) % 20 < 10, 0.002, 0.018)
+    times = np.concatenate([[0.0], np.cumsum(steps)])
+    delay = 0.1
+    shown = times - delay  # each sample tells when it was true, which in the mean is the middle
+    fields = FIELD + np.outer(shown, [1.0, 0.0, 0.0])
+    stated = rule_with(magnetometer={"delay_s": delay, "time_offset_bound_s": 0.001}).magnetometer
+    moved = moved_fields(stated, times, fields, None, 0.03)
+    there = np.isfinite(moved.values[:, 0])
+    assert there.sum() > 250
+    np.testing.assert_allclose(moved.sampled[there], moved.values[there, 0], atol=1e-12)
+    assert np.abs(moved.sampled - times)[there].max() > 0.001  # which is no part of the offset then
+    assert moved.offset == 0.001
+    mean = mean_over_time(moved.sampled[there], moved.values[there])
+    assert mean[0] == pytest.approx(0.5 * (moved.sampled[there][0] + moved.sampled[there][-1]), abs=1e-9)
