@@ -170,6 +170,30 @@ def test_gaps_missing_samples_and_uneven_stamps():
     assert np.rad2deg(errors(best.quaternions, log)[0][rows]).mean() < 2.0
 
 
+def test_a_field_that_may_be_any_does_not_turn_it():
+    """A short field in much disturbance: it may point anywhere, and the heading is kept from before."""
+    log = made()
+    directions = log.directions.copy()
+    directions[300:, 1] = [20e-6, 0.0, 0.0]  # 70 µT may be added to the field's 45: any direction is possible
+    steel = configured(
+        directions=[
+            configured().model_dump(exclude_none=True)["directions"][0],
+            {
+                "name": "field",
+                "kind": "magnetometer",
+                "columns": ["d", "e", "f"],
+                "unit": "uT",
+                "reference_ut": FIELD.tolist(),
+                "bound_from": {"kind": "field", "disturbance_ut": 70.0},
+            },
+        ]
+    )
+    found = estimation.estimate(dataclasses.replace(log, directions=directions), steel)
+    best = found.best
+    assert best.is_estimated.all()
+    assert np.rad2deg(errors(best.quaternions, log)[0][200:]).max() < 5.0
+
+
 def test_rows_that_say_nothing_new():
     """A body at rest, all rows the same; and a log with one row of each."""
     log = made()

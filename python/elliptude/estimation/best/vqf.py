@@ -76,7 +76,7 @@ def vqf_attitudes(run: GuaranteedRun, configuration: Configuration) -> FloatArra
     assert rows.up_column is not None
     rates, forces = log.rates - _known_bias(run, configuration), _sensor(run, configuration, Accelerometer)
     frames = _frames_of_field(run, configuration)
-    fields = None if frames is None else _sensor(run, configuration, Magnetometer) / _MICROTESLA
+    fields = None if frames is None else _fields(run, configuration)
     quaternions = np.full((len(log.times), 4), np.nan)
     known = np.flatnonzero(np.isfinite(rates).all(axis=1))
     if len(known) < 2:
@@ -122,6 +122,19 @@ def _sensor(run: GuaranteedRun, configuration: Configuration, kind: type[Acceler
     return run.log.directions[:, column]
 
 
+def _fields(run: GuaranteedRun, configuration: Configuration) -> FloatArray:
+    """The magnetometer's samples, µT, shape (N, 3); NaN where its bounds allow any direction, as in a car's steel."""
+    fields = _sensor(run, configuration, Magnetometer) / _MICROTESLA
+    says_nothing = run.rows.angles[:, _field_column(run, configuration)] >= np.pi
+    return np.where(says_nothing[:, None], np.nan, fields)
+
+
+def _field_column(run: GuaranteedRun, configuration: Configuration) -> int | None:
+    """Where the first magnetometer is in the run's rows; None if it is not."""
+    names = [one.name for one in configuration.directions if isinstance(one, Magnetometer)]
+    return run.rows.names.index(names[0]) if names and names[0] in run.rows.names else None
+
+
 def _frames_of_field(run: GuaranteedRun, configuration: Configuration) -> FloatArray | None:
     """What takes axes east, magnetic north, up to reference axes, (N, 3, 3); None if no field determines the heading.
 
@@ -129,11 +142,8 @@ def _frames_of_field(run: GuaranteedRun, configuration: Configuration) -> FloatA
     """
     rows = run.rows
     assert rows.up is not None
-    names = [one.name for one in configuration.directions if isinstance(one, Magnetometer)]
-    if not names or names[0] not in rows.names:
-        return None
-    column = rows.names.index(names[0])
-    if not (rows.angles[:, column] < np.pi).any():
+    column = _field_column(run, configuration)
+    if column is None or not (rows.angles[:, column] < np.pi).any():
         return None
     field = rows.references[:, column]
     north = field - np.outer(field @ rows.up, rows.up)
