@@ -191,9 +191,10 @@ class ManyQuadrics {
     std::array<Matrix<Scalar, lead>, most> z_corner;  // the first corner of A⁻¹AₖV
     std::array<Vector<Scalar, N>, most> r;            // rₖ, its first numbers of leading ones
     std::array<Vector<Scalar, lead>, most> t_head;    // the first numbers of A⁻¹rₖ
+    // A⁻¹AⱼV, of a constraint that is neither leading nor the ball. GCC would not see that nothing else reads it.
+    Matrix<Scalar, N> z = Matrix<Scalar, N>::Zero();
     for (std::size_t j = 0; j < count; ++j) {
       const Constraint<Scalar, N>& constraint = constraints[j];
-      Matrix<Scalar, N> z;  // A⁻¹AⱼV, of a constraint that is neither leading nor the ball
       Vector<Scalar, N> t;  // A⁻¹rⱼ
       if (constraint.leading) {
         const Matrix<Scalar, lead> half = x_corner.lazyProduct(constraint.part.a);
