@@ -365,7 +365,7 @@ def try_configuration(number: int, seed: int, trials: int, *, smooth: bool, foun
         for verdict in filter(None, (tried.verdict, tried.smoothed)):
             found.add(number, trial, verdict)
             if verdict.is_fault:
-                outside = {name: one for name, one in verdict.answers.items() if one["outside"]}
+                outside = {name: one for name, one in verdict.answers.items() if one["outside"] or one["missing"]}
                 drawn = {name: kind for name, kind in tried.recording.kinds.items() if kind != "none"}
                 said.append(
                     f"configuration {number}, trial {trial}: {verdict.contradicted} contradicted, {outside}, "

@@ -23,7 +23,9 @@ from elliptude.configuration.sensors import Direction, DirectionBase
 from elliptude.estimation import direction_rows, guaranteed_run
 from elliptude.io.toml import validate
 from elliptude.logs.rest_phase import ReferenceBounds
+from elliptude.validation.recordings import trials
 from elliptude.validation.recordings.drawing import draw_recording
+from elliptude.validation.recordings.judging import Verdict
 from elliptude.validation.recordings.trials import RecordingArguments, try_recording
 from elliptude.validation.recordings.turning import Turning
 from scipy.integrate import solve_ivp
@@ -81,7 +83,7 @@ def test_nothing_is_wrong_with_random_configurations(number):
     configuration = validate(Path(f"configuration {number}"), draw_configuration([0, number]), Configuration)
     verdict = try_recording(RecordingArguments(configuration, 1, number), 0).verdict
     assert verdict.rows > 0
-    assert (verdict.error, verdict.contradicted, verdict.outside) == (None, 0, 0)
+    assert (verdict.error, verdict.contradicted, verdict.outside, verdict.missing) == (None, 0, 0, 0)
 
 
 def test_the_table_has_the_bias_of_the_gyro():
@@ -271,6 +273,80 @@ def test_a_bound_that_is_too_small_is_noticed(what, monkeypatch):
     assert not faults(configuration, 3)
     weaken(monkeypatch)
     assert faults(configuration, 60)
+
+
+# --- that an answer that is missing is noticed ------------------------------------------------------------------------
+
+
+def test_rows_that_promise_an_answer_must_have_it():
+    verdict = Verdict()
+    verdict.add("up", np.array([0.5, np.nan, np.nan, np.inf]), np.array([True, True, False, True]))
+    assert verdict.answers["up"] == {"answers": 2, "missing": 1, "outside": 1, "largest": {"share": 1e300, "row": 3}}
+    assert Verdict(answers={"up": verdict.answers["up"] | {"outside": 0}}).is_fault
+
+
+def lost(value):
+    """The same with NaN in the place of its second half."""
+    if value is None:
+        return None
+    found = np.array(value, dtype=np.float64)
+    found[len(found) // 2 :] = np.nan
+    return found
+
+
+def without_some(monkeypatch, name):
+    whole = trials.estimate
+
+    def estimate(*given):
+        found = whole(*given)
+        return dataclasses.replace(
+            found, result=dataclasses.replace(found.result, **{name: lost(getattr(found.result, name))})
+        )
+
+    monkeypatch.setattr(trials, "estimate", estimate)
+
+
+def without_answers(monkeypatch, name):
+    whole = trials.estimate
+
+    def estimate(*given):
+        found = whole(*given)
+        kept = None if name is None else dataclasses.replace(found.answers, **{name: None})
+        return dataclasses.replace(found, answers=kept)
+
+    monkeypatch.setattr(trials, "estimate", estimate)
+
+
+MISSING = {
+    "largest angle": lambda m: without_some(m, "largest_angles"),
+    "tilt": lambda m: without_some(m, "tilt_bounds"),
+    "heading": lambda m: without_some(m, "headings"),
+    "roll": lambda m: without_some(m, "roll_pitch_yaw"),
+    "best": lambda m: without_some(m, "best_quaternions"),
+    "tilt of best": lambda m: without_some(m, "best_tilt_bounds"),
+    "heading of best": lambda m: without_some(m, "best_headings"),
+    "bias": lambda m: without_some(m, "vectors"),
+    "vector by itself": lambda m: without_some(m, "vector_ranges"),
+    "turns in body": lambda m: without_answers(m, "body_turns"),
+    "turns in reference": lambda m: without_answers(m, "reference_turns"),
+    "attitude by itself": lambda m: without_answers(m, "own_shapes"),
+    "questions": lambda m: without_answers(m, None),
+}
+
+
+@pytest.mark.parametrize("name", MISSING)
+def test_an_answer_that_is_missing_is_noticed(name, monkeypatch):
+    questions = GUARANTEED | {"questions": ["reference_turns", "body_turns", "vector", "attitude"]}
+    flow = {"bias_deg_per_s": 0.05, "estimate_bias": True}
+    force = UP | {"sensor_error": SMALL, "bound_from": {"kind": "acceleration", "acceleration_m_per_s2": 0.1}}
+    arguments = RecordingArguments(configured(flow, force, FIXED, estimator=questions), 1, 0)
+    whole = try_recording(arguments, 0).verdict
+    assert not whole.is_fault
+    assert name == "questions" or whole.answers[name]["answers"] > 0
+    MISSING[name](monkeypatch)
+    verdict = try_recording(arguments, 0).verdict
+    assert verdict.answers[name]["missing"] > 0
+    assert verdict.is_fault
 
 
 # --- as typed ---------------------------------------------------------------------------------------------------------

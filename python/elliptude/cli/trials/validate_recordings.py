@@ -66,7 +66,7 @@ def _say(summary: dict[str, Any]) -> None:
     total = summary["total"]
     typer.echo(
         f"{summary['trials']} recordings, {total['rows']} rows, {total['unconditional']} with an unconditional set: "
-        f"{total['answers']} answers, the truth outside of {total['outside']}; "
+        f"{total['answers']} answers, {total['missing']} more missing, the truth outside of {total['outside']}; "
         f"{total['contradicted']} true measurements called contradictory; {total['failed']} recordings without a result"
     )
     for name, one in summary["answers"].items():

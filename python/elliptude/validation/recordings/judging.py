@@ -29,17 +29,22 @@ class Verdict:
     contradicted: int = 0
     """Measurements that were called contradictory, or left out, although all kept their bounds."""
     answers: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """For each answer: how many there were, without the truth how many, the largest share of it and its row."""
+    """For each answer: how many there were, missing how many, without the truth how many, its largest share and row."""
     error: str | None = None
     """Why there is no result."""
     implausible: str | None = None
     """Why its log would have been refused, if nobody had said to go on; that is no promise, and no fault."""
 
-    def add(self, name: str, shares: FloatArray, judged: NDArray[np.bool_]) -> None:
-        """Count answers: of a row that is judged NaN is none."""
-        judged = judged & np.isfinite(shares)
+    def add(self, name: str, shares: FloatArray, promised: NDArray[np.bool_]) -> None:
+        """Count answers of the rows that promise one: there NaN is a promise that is missing."""
+        missing, judged = promised & np.isnan(shares), promised & ~np.isnan(shares)
         shares = np.where(judged, shares, -np.inf)
-        counted: dict[str, Any] = {"answers": int(judged.sum()), "outside": int((shares > 1.0).sum()), "largest": None}
+        counted: dict[str, Any] = {
+            "answers": int(judged.sum()),
+            "missing": int(missing.sum()),
+            "outside": int((shares > 1.0).sum()),
+            "largest": None,
+        }
         if judged.any():
             row = int(np.argmax(shares))
             counted["largest"] = {"share": float(min(shares[row], 1e300)), "row": row}
@@ -51,9 +56,14 @@ class Verdict:
         return sum(one["outside"] for one in self.answers.values())
 
     @property
+    def missing(self) -> int:
+        """How many answers are not there, although their rows promise them."""
+        return sum(one["missing"] for one in self.answers.values())
+
+    @property
     def is_fault(self) -> bool:
         """Whether anything is wrong with it."""
-        return self.outside + self.contradicted > 0 or self.error is not None
+        return self.outside + self.missing + self.contradicted > 0 or self.error is not None
 
 
 def judge(recording: Recording, configuration: Configuration, estimation: Estimation) -> Verdict:
@@ -89,12 +99,18 @@ def judge(recording: Recording, configuration: Configuration, estimation: Estima
     _judge_vector(verdict, recording, configuration, estimation, holds, times, true)
     _judge_vertical(verdict, configuration, estimation, holds, true)
     _judge_best(verdict, configuration, estimation, holds, true)
-    _judge_answers(verdict, estimation, holds, true)
+    _judge_answers(verdict, configuration, estimation, holds, true)
     return verdict
 
 
 def _turns(estimated: FloatArray, true: FloatArray) -> FloatArray:
     found: FloatArray = np.swapaxes(estimated, 1, 2) @ true
+    return found
+
+
+def _angles(estimated: FloatArray, true: FloatArray) -> FloatArray:
+    cosines = 0.5 * (np.trace(_turns(estimated, true), axis1=1, axis2=2) - 1.0)
+    found: FloatArray = np.arccos(np.clip(cosines, -1.0, 1.0))
     return found
 
 
@@ -140,8 +156,9 @@ def _judge_vector(
     biases = biases + recording.known_bias
     off = np.abs(biases - estimation.result.vectors)
     verdict.add("bias", _share(off, estimation.result.half_widths[:, 3:]).max(axis=1), holds)
-    if estimation.result.vector_ranges is not None:
-        ends = estimation.result.vector_ranges.reshape(-1, 3, 2)
+    if "vector" in configuration.estimator.questions:
+        ranges = estimation.result.vector_ranges
+        ends = np.full((len(true), 3, 2), np.nan) if ranges is None else ranges.reshape(-1, 3, 2)
         share = np.abs(biases - ends.mean(axis=2)) / (0.5 * np.diff(ends, axis=2)[:, :, 0] + _ROUNDING)
         verdict.add("vector by itself", share.max(axis=1), holds)
 
@@ -151,12 +168,14 @@ def _judge_vertical(
 ) -> None:
     run, result = estimation.guaranteed, estimation.result
     assert run is not None
-    if run.vertical is None or result.tilt_bounds is None:
+    if configuration.accelerometer is None:
         return
-    assert run.rows.up is not None
+    up, bounds = run.rows.up, run.sets.attitude_bounds
+    if up is None or run.vertical is None or bounds is None or result.tilt_bounds is None:
+        verdict.add("up", np.full(len(true), np.nan), holds)
+        return
     assert result.headings is not None
     assert result.roll_pitch_yaw is not None
-    up = run.rows.up
     true_up = np.einsum("nji,j->ni", true, up)
     of_up = run.vertical.claims == CLAIMS.index("unconditional")
     away = np.arctan2(
@@ -165,12 +184,11 @@ def _judge_vertical(
     )
     verdict.add("up", _share(away, run.vertical.angles), of_up)
     tilt, heading = tilt_and_heading(run.sets.attitudes, true, up)
-    verdict.add("tilt", _share(tilt, result.tilt_bounds), of_up)
+    # Up may be known without an attitude, whose tilt it would be.
+    has_set = run.sets.claims != CLAIMS.index("none")
+    verdict.add("tilt", _share(tilt, result.tilt_bounds), of_up & has_set)
     verdict.add("heading", _between(heading, *result.headings.T), holds)
-    bounds = run.sets.attitude_bounds
-    assert bounds is not None
-    turns = np.arccos(np.clip(0.5 * (np.trace(_turns(run.sets.attitudes, true), axis1=1, axis2=2) - 1.0), -1.0, 1.0))
-    verdict.add("angle", _share(turns, np.asarray(bounds.angle) + 1e-7), holds)
+    verdict.add("angle", _share(_angles(run.sets.attitudes, true), np.asarray(bounds.angle) + 1e-7), holds)
     c = true
     truth = {
         "roll": (np.arctan2(c[:, 2, 1], c[:, 2, 2]), of_up),
@@ -185,52 +203,60 @@ def _judge_vertical(
 def _judge_best(
     verdict: Verdict, configuration: Configuration, estimation: Estimation, holds: NDArray[np.bool_], true: FloatArray
 ) -> None:
-    result = estimation.result
-    if result.best_quaternions is None:
+    result, run = estimation.result, estimation.guaranteed
+    assert run is not None
+    if configuration.estimator.best == "none":
         return
-    best = elliptude.rotation_from_quaternion
+    if result.best_quaternions is None or result.best_bounds is None:
+        verdict.add("best", np.full(len(true), np.nan), holds)
+        return
     known = np.isfinite(result.best_quaternions[:, 0])
     attitudes = np.full_like(true, np.nan)
-    attitudes[known] = np.array([best(q) for q in result.best_quaternions[known]]).reshape(-1, 3, 3)
-    turns = np.arccos(np.clip(0.5 * (np.trace(_turns(attitudes, true), axis1=1, axis2=2) - 1.0), -1.0, 1.0))
-    if result.best_bounds is not None:
-        verdict.add("best", _share(turns, result.best_bounds + 1e-7), holds & known)
-    run = estimation.guaranteed
-    assert run is not None
+    best = [elliptude.rotation_from_quaternion(q) for q in result.best_quaternions[known]]
+    attitudes[known] = np.array(best).reshape(-1, 3, 3)
+    verdict.add("best", _share(_angles(attitudes, true), result.best_bounds + 1e-7), holds)
     if result.best_tilt_bounds is None or run.rows.up is None or result.best_tilt_claims is None:
         return
     tilt, heading = tilt_and_heading(attitudes, true, run.rows.up)
     of_tilt = np.array(result.best_tilt_claims) == "unconditional"
-    verdict.add("tilt of best", _share(tilt, result.best_tilt_bounds), known & of_tilt)
+    verdict.add("tilt of best", _share(tilt, result.best_tilt_bounds), of_tilt)
     if result.best_headings is not None:
-        verdict.add("heading of best", _between(heading, *result.best_headings.T), known & holds)
+        verdict.add("heading of best", _between(heading, *result.best_headings.T), holds)
 
 
-def _judge_answers(verdict: Verdict, estimation: Estimation, holds: NDArray[np.bool_], true: FloatArray) -> None:
-    answers, run = estimation.answers, estimation.guaranteed
-    if answers is None:
-        return
+def _judge_answers(
+    verdict: Verdict, configuration: Configuration, estimation: Estimation, holds: NDArray[np.bool_], true: FloatArray
+) -> None:
+    answers, run, asked = estimation.answers, estimation.guaranteed, configuration.estimator.questions
     assert run is not None
+    if not asked:
+        return
+    if answers is None:
+        verdict.add("questions", np.full(len(true), np.nan), holds)
+        return
+    nothing = np.full((len(true), 3, 3), np.nan)
     centers = run.sets.attitudes
-    for name, turns, axes in (
-        ("turns in reference", answers.reference_turns, np.eye(3)),
-        ("turns in body", answers.body_turns, None),
+    between = _turns(centers, true)
+    level = np.tile(np.eye(3), (len(true), 1, 1))
+    # About a body axis it is a turn of the inverse: what the body sees of the axis of the estimate.
+    for question, turns, (begin, end) in (
+        ("reference_turns", answers.reference_turns, (centers, true)),
+        ("body_turns", answers.body_turns, (level, between)),
     ):
-        if turns is None:
+        if question not in asked:
             continue
+        ends = nothing[:, :, :2] if turns is None else turns
         shares = np.zeros(len(true))
         for i in range(3):
-            # About a body axis it is a turn of the inverse: what the body sees of the axis of the estimate.
-            if axes is not None:
-                _, turned = tilt_and_heading(centers, true, axes[i])
-            else:
-                _, turned = tilt_and_heading(np.tile(np.eye(3), (len(true), 1, 1)), _turns(centers, true), np.eye(3)[i])
-            shares = np.maximum(shares, _between(turned, turns[:, i, 0], turns[:, i, 1]))
-        verdict.add(name, shares, holds)
-    if answers.own_attitudes is not None and answers.own_shapes is not None:
-        known = holds & np.isfinite(answers.own_shapes[:, 0, 0])
+            _, turned = tilt_and_heading(begin, end, np.eye(3)[i])
+            shares = np.maximum(shares, _between(turned, ends[:, i, 0], ends[:, i, 1]))
+        verdict.add(f"turns in {question.removesuffix('_turns')}", shares, holds)
+    if "attitude" in asked:
+        attitudes = nothing if answers.own_attitudes is None else answers.own_attitudes
+        shapes = nothing if answers.own_shapes is None else answers.own_shapes
+        known = np.isfinite(shapes[:, 0, 0])
         forms = np.full(len(true), np.nan)
-        offsets = 2.0 * elliptude.cayley_inverse(_turns(answers.own_attitudes[known], true[known]))
-        solved = np.linalg.solve(answers.own_shapes[known], offsets[:, :, None])[:, :, 0]
+        offsets = 2.0 * elliptude.cayley_inverse(_turns(attitudes[known], true[known]))
+        solved = np.linalg.solve(shapes[known], offsets[:, :, None])[:, :, 0]
         forms[known] = np.sum(offsets * solved, axis=1)
-        verdict.add("attitude by itself", forms, known)
+        verdict.add("attitude by itself", forms, holds)

@@ -113,6 +113,7 @@ def write_recording(recording: Recording, file: Path) -> None:
 # --- what came of it --------------------------------------------------------------------------------------------------
 
 _PASSES = ("forward", "smoothed")
+_COUNTS = ("answers", "missing", "outside")
 
 
 def result_of(arguments: RecordingArguments, trial: int) -> dict[str, Any]:
@@ -136,10 +137,12 @@ def summarize(arguments: RecordingArguments, results: Sequence[Mapping[str, Any]
     Returns
     -------
     dict
-        ``total`` has counts, ``answers`` by name how many there were, without the truth how many, and the largest
-        share with its trial and row; ``faults`` lists trials in which something is wrong.
+        ``total`` has counts, ``answers`` by name how many there were, missing how many, without the truth how many, and
+        the largest share with its trial and row; ``faults`` lists trials in which something is wrong.
     """
-    total = dict.fromkeys(("rows", "unconditional", "answers", "outside", "contradicted", "failed", "implausible"), 0)
+    total = dict.fromkeys(
+        ("rows", "unconditional", "answers", "missing", "outside", "contradicted", "failed", "implausible"), 0
+    )
     answers: dict[str, dict[str, Any]] = {}
     faults: list[dict[str, Any]] = []
     for result in results:
@@ -153,8 +156,8 @@ def summarize(arguments: RecordingArguments, results: Sequence[Mapping[str, Any]
             total["implausible"] += verdict["implausible"] is not None
             for name, one in verdict["answers"].items():
                 _add(answers, name if which == "forward" else f"{name}, smoothed", one, result["trial"])
-                total["answers"] += one["answers"]
-                total["outside"] += one["outside"]
+                for count in _COUNTS:
+                    total[count] += one[count]
             said = _said(result["trial"], which, verdict)
             if said is not None:
                 faults.append({"trial": result["trial"], "pass": which, "said": said, "drawn": result["drawn"]})
@@ -162,9 +165,9 @@ def summarize(arguments: RecordingArguments, results: Sequence[Mapping[str, Any]
 
 
 def _add(answers: dict[str, dict[str, Any]], name: str, one: Mapping[str, Any], trial: int) -> None:
-    counted = answers.setdefault(name, {"answers": 0, "outside": 0, "largest": None})
-    counted["answers"] += one["answers"]
-    counted["outside"] += one["outside"]
+    counted = answers.setdefault(name, dict.fromkeys(_COUNTS, 0) | {"largest": None})
+    for count in _COUNTS:
+        counted[count] += one[count]
     largest = one["largest"]
     if largest is not None and (counted["largest"] is None or largest["share"] > counted["largest"]["share"]):
         counted["largest"] = {**largest, "trial": trial}
@@ -175,6 +178,11 @@ def _said(trial: int, which: str, verdict: Mapping[str, Any]) -> str | None:
     found = [] if verdict["error"] is None else [f"no result: {verdict['error']}"]
     if verdict["contradicted"]:
         found.append(f"{verdict['contradicted']} true measurements called contradictory or left out")
+    found += [
+        f"{name}: {one['missing']} answers are missing in rows that claim them"
+        for name, one in verdict["answers"].items()
+        if one["missing"]
+    ]
     found += [
         f"{name}: the truth is outside of {one['outside']} answers, share {one['largest']['share']:.6g} at row "
         f"{one['largest']['row']}"
