@@ -8,7 +8,14 @@ import elliptude
 from elliptude.io.toml import Matrix, Model, Positive, Vector
 
 
-class FreeBody(Model):
+class _Potential(Model):
+    @property
+    def turns(self) -> bool:
+        """Whether its torque depends on the time beside the attitude."""
+        return False
+
+
+class FreeBody(_Potential):
     """No torque."""
 
     kind: Literal["free"] = "free"
@@ -18,7 +25,7 @@ class FreeBody(Model):
         return elliptude.FreeBody()
 
 
-class UniformGravity(Model):
+class UniformGravity(_Potential):
     """A pendulum about a fixed point; the reference frame's third axis points down."""
 
     kind: Literal["uniform_gravity"]
@@ -31,22 +38,32 @@ class UniformGravity(Model):
         return elliptude.UniformGravity(self.mass_kg, self.gravity_m_per_s2, self.center_of_mass_m)
 
 
-class GravityGradient(Model):
+class GravityGradient(_Potential):
     """A spacecraft on a circular orbit; the reference frame's first two axes span it, the first points up at time 0."""
 
     kind: Literal["gravity_gradient"]
     orbit_rate_rad_per_s: Positive
+
+    @property
+    def turns(self) -> bool:
+        """Whether its torque depends on the time beside the attitude."""
+        return True
 
     def build(self, body: elliptude.RigidBody) -> elliptude.Potential:
         """The core's potential."""
         return elliptude.GravityGradient(body, self.orbit_rate_rad_per_s)
 
 
-class _AlongDirection(Model):
+class _AlongDirection(_Potential):
     direction: Vector
     """r at time 0, reference axes, of any length."""
     turn_rad_per_s: Vector = (0.0, 0.0, 0.0)
     """Its angular velocity in the reference frame, at right angles to it."""
+
+    @property
+    def turns(self) -> bool:
+        """Whether its torque depends on the time beside the attitude."""
+        return any(self.turn_rad_per_s)
 
     @model_validator(mode="after")
     def _is_a_potential(self) -> Self:
@@ -86,13 +103,18 @@ class QuadraticPotential(_AlongDirection):
 AnyTerm: TypeAlias = FreeBody | UniformGravity | GravityGradient | LinearPotential | QuadraticPotential
 
 
-class SumPotential(Model):
+class SumPotential(_Potential):
     """Potentials that add up."""
 
     kind: Literal["sum"]
     potentials: Annotated[
         tuple[Annotated[AnyTerm, Field(discriminator="kind")], ...], Field(min_length=1, max_length=8)
     ]
+
+    @property
+    def turns(self) -> bool:
+        """Whether its torque depends on the time beside the attitude."""
+        return any(potential.turns for potential in self.potentials)
 
     def build(self, body: elliptude.RigidBody) -> elliptude.Potential:
         """The core's potential."""

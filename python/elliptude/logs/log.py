@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from elliptude import units
 from elliptude.configuration import references
 from elliptude.configuration.configuration import Configuration
-from elliptude.configuration.motion import GyroFlow
+from elliptude.configuration.motion import GyroFlow, RigidBodyFlow
 from elliptude.configuration.sensors import (
     Accelerometer,
     Direction,
@@ -207,6 +207,7 @@ def read_pieces(path: LogSource, configuration: Configuration) -> Iterator[Log]:
     try:
         for piece in pieces(file, clocks, configuration.timing.effective()):
             is_empty = False
+            _require_time_of(piece, file, configuration)
             yield replace(_log(piece, file, configuration, constants), rests=rests)
     except FileError as error:
         raise with_all_faults(error, path, configuration) from error
@@ -378,6 +379,17 @@ def _origin_of_table(file: LogFile, configuration: Configuration) -> int:
 
 
 # --- what it is -------------------------------------------------------------------------------------------------------
+
+
+def _require_time_of(piece: Piece, file: LogFile, configuration: Configuration) -> None:
+    """Refuse times that count from another second than the file, to whose time 0 a potential that turns is stated."""
+    flow = configuration.flow
+    if isinstance(flow, RigidBodyFlow) and flow.potential.turns and piece.origin != 0:
+        raise FileError(
+            f"{file.path}: flow.potential: its direction turns, and is stated for time 0 of the file, but times count "
+            f"from {piece.origin} s of the file (timing.origin): let the stamps in the file count from that second, "
+            "state the direction for it, and leave timing.origin out"
+        )
 
 
 def _log(piece: Piece, file: LogFile, configuration: Configuration, constants: Sequence[FloatArray | None]) -> Log:

@@ -352,6 +352,23 @@ def test_nanoseconds_since_1970(tmp_path):
     np.testing.assert_allclose(log.times, 0.123456789 + 0.005 * np.arange(3), rtol=1e-15)
 
 
+TURNING = {"kind": "linear", "moment_n_m": [0.1, 0.0, 0.0], "direction": [1.0, 0.0, 0.0]}
+TURNING |= {"turn_rad_per_s": [0.0, 0.0, 0.1]}
+ORBIT = {"kind": "gravity_gradient", "orbit_rate_rad_per_s": 0.01}
+
+
+@pytest.mark.parametrize("potential", [ORBIT, TURNING, {"kind": "sum", "potentials": [{"kind": "free"}, ORBIT]}])
+def test_a_potential_that_turns_has_the_time_of_the_file(tmp_path, potential):
+    """A sun and a phase of rest have it, too: times that count from another second would be of another direction."""
+    flow = {"kind": "rigid_body", "inertia_kg_m2": [1.0, 1.0, 1.0], "step_s": 0.1, "potential": potential}
+    rows = ["37.5,0,0,0,1,0,0,1,0,0", "38,0,0,0,1,0,0,1,0,0"]
+    assert read(tmp_path, *rows, configuration=configured(UP, flow=flow)).origin == 0
+    with pytest.raises(FileError, match=r"flow.potential: .* count from 37 s of the file"):
+        read(tmp_path, *rows, configuration=configured(UP, flow=flow, timing={"origin": "first"}))
+    still = flow | {"potential": TURNING | {"turn_rad_per_s": [0.0, 0.0, 0.0]}}
+    assert read(tmp_path, *rows, configuration=configured(UP, flow=still, timing={"origin": "first"})).origin == 37
+
+
 GOOD = "0,0,0,0,1,0,0,1,0,0"
 
 

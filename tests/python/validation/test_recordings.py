@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomlkit
+from drawn_recordings import FIXED, GUARANTEED, STAR, faults, smaller, without
 from elliptude import cli
 from elliptude.bounds import gyro as gyro_bounds
 from elliptude.bounds import one_matrix, turns
@@ -35,7 +36,6 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
 
 from random_configurations import draw_configuration
 
-GUARANTEED = {"mode": "guaranteed", "policy": "drop_measurement", "best": "center"}
 GYRO = {"kind": "gyro", "columns": ["gx", "gy", "gz"], "longest_interval_s": 0.05, "noise_deg_per_s": 1e-6}
 GYRO |= {"earth_rate": "removed"}
 UP = {"name": "up", "kind": "accelerometer", "columns": ["ax", "ay", "az"], "unit": "m/s^2"}
@@ -46,12 +46,6 @@ def configured(flow, *directions, **more):
     tables = {"time_column": "t", "reference_frame": "ENU", "flow": GYRO | flow, "directions": list(directions)}
     tables["estimator"] = GUARANTEED
     return validate(Path("a test"), tables | more, Configuration)
-
-
-def faults(configuration, trials, seed=0):
-    """How many of these recordings have a fault; stops at the first."""
-    arguments = RecordingArguments(configuration, trials, seed)
-    return any(try_recording(arguments, trial).verdict.is_fault for trial in range(trials))
 
 
 def test_turns_solve_their_equation():
@@ -97,8 +91,6 @@ def test_the_table_has_the_bias_of_the_gyro():
 # --- that a bound that is too small is noticed ------------------------------------------------------------------------
 
 SMALL = {"error_m_per_s2": 1e-9}
-FIXED = {"name": "sun", "columns": ["px", "py", "pz"], "reference": [1.0, 0.2, 0.0], "bound_deg": 0.01}
-STAR = FIXED | {"name": "star", "columns": ["qx", "qy", "qz"], "reference": [0.0, 0.1, 1.0]}
 RARE = {"time_column": "ts", "time_unit": "s"}
 STARS = (FIXED | RARE, STAR | RARE)
 WINDOW = {"kind": "velocity_window", "windows_s": [2.0], "at": "middle"}
@@ -129,17 +121,6 @@ def ruled(**tables):
     configuration["directions"] = [UP, FIELD]
     configuration["estimator"] = GUARANTEED
     return validate(Path("a test"), configuration, Configuration)
-
-
-def smaller(monkeypatch, owner, name, share=0.9):
-    """Make what a function says this much smaller."""
-    whole = getattr(owner, name)
-    monkeypatch.setattr(owner, name, lambda *given, **more: share * whole(*given, **more))
-
-
-def without(monkeypatch, owner, name):
-    """Make a property zero."""
-    monkeypatch.setattr(owner, name, property(lambda _: 0.0))
 
 
 WEAKENED = {
@@ -398,9 +379,12 @@ def test_command_fails_if_a_bound_is_too_small(tmp_path, monkeypatch):
 
 def test_what_is_not_drawn_is_refused(tmp_path):
     body = {"kind": "rigid_body", "inertia_kg_m2": [1.0, 2.0, 2.5], "step_s": 0.1}
-    tables = {"flow": body, "directions": [FIXED], "estimator": {"mode": "guaranteed"}}
+    rests = FIELD | {"reference": REST | {"to_s": 3.0}, "bound_deg": 1.0}
+    down = UP | {"bound_deg": 1.0}
+    tables = {"flow": body, "reference_frame": "ENU", "directions": [down, rests], "estimator": {"mode": "guaranteed"}}
+    tables["directions"][1]["reference"] = {key: value for key, value in REST.items() if key != "velocity_m_per_s"}
     done = run("validate", "--config", written(tmp_path, tables), "--out", tmp_path / "out")
     assert done.exit_code == 1
-    assert "flow.kind" in done.output
+    assert "directions.reference" in done.output
     done = run("validate", "--smooth", "--out", tmp_path / "out")
     assert done.exit_code == 2

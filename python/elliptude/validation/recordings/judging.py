@@ -85,7 +85,7 @@ def judge(recording: Recording, configuration: Configuration, estimation: Estima
     assert result.claims is not None
     verdict = Verdict(rows=len(result.times))
     times = result.times + result.origin
-    true = recording.turning.attitudes(times)
+    true = recording.motion.attitudes(times)
     if run.starts_heading:
         true = turned_to_start(true, run)
     holds = np.array(result.claims) == "unconditional"
@@ -150,16 +150,16 @@ def _judge_vector(
         return
     run = estimation.guaranteed
     assert run is not None
-    biases = np.column_stack([np.interp(times, recording.biases[0], recording.biases[1][:, i]) for i in range(3)])
-    verdict.add("set with bias", run.sets.forms(true, biases), holds)
+    vectors, name = recording.vectors(times), estimation.result.vector
+    verdict.add(f"set with {name}", run.sets.forms(true, vectors), holds)
     # The table is of the gyro's bias, of which the state is what is not known.
-    biases = biases + recording.known_bias
-    off = np.abs(biases - estimation.result.vectors)
-    verdict.add("bias", _share(off, estimation.result.half_widths[:, 3:]).max(axis=1), holds)
+    vectors = vectors + recording.known
+    off = np.abs(vectors - estimation.result.vectors)
+    verdict.add(name, _share(off, estimation.result.half_widths[:, 3:]).max(axis=1), holds)
     if "vector" in configuration.estimator.questions:
         ranges = estimation.result.vector_ranges
         ends = np.full((len(true), 3, 2), np.nan) if ranges is None else ranges.reshape(-1, 3, 2)
-        share = np.abs(biases - ends.mean(axis=2)) / (0.5 * np.diff(ends, axis=2)[:, :, 0] + _ROUNDING)
+        share = np.abs(vectors - ends.mean(axis=2)) / (0.5 * np.diff(ends, axis=2)[:, :, 0] + _ROUNDING)
         verdict.add("vector by itself", share.max(axis=1), holds)
 
 

@@ -10,7 +10,7 @@ from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.samples import VectorSensorBounds
 from elliptude.bounds.windows import MotionBounds
 from elliptude.configuration.configuration import Configuration
-from elliptude.configuration.motion import GyroFlow
+from elliptude.configuration.motion import GyroFlow, RigidBodyFlow
 from elliptude.configuration.rules import RestRule, Rule
 from elliptude.configuration.sensors import (
     SUN_ERROR_DEG,
@@ -20,6 +20,7 @@ from elliptude.configuration.sensors import (
     Direction,
     FieldBound,
     Magnetometer,
+    Rate,
     RestPhase,
     SunByTime,
     Velocity,
@@ -49,6 +50,17 @@ class StatedGyro:
     """The longest interval that is stated, s."""
     increment_over: float
     """The longest window that the increment is stated for, s."""
+
+
+@dataclass(frozen=True)
+class StatedBody:
+    """What is stated of a rigid body and of the torques on it."""
+
+    flow: RigidBodyFlow
+    inertia: FloatArray
+    """kg m², shape (3, 3)."""
+    largest_rate: float
+    """rad/s."""
 
 
 @dataclass(frozen=True)
@@ -113,11 +125,13 @@ class Stated:
         self.flow = configuration.flow
         self.directions: tuple[AnyDirection, ...] = configuration.directions
         self.velocity: Velocity | None = configuration.velocity
-        self.gyro = self._gyro()
+        self.rate = configuration.rate
+        self.body = _body(self.flow) if isinstance(self.flow, RigidBodyFlow) else None
+        self._gyro = None if self.body is not None else self._stated_gyro()
         self.force, self.field = self._force(), self._field()
         self.rests = self._rests()
 
-    def offset_of(self, sensor: AnyDirection) -> float:
+    def offset_of(self, sensor: AnyDirection | Rate) -> float:
         """How far a sensor's stamps may be off beside the gyro's, s."""
         if self.rule is None:
             return sensor.time_offset_bound_s
@@ -126,11 +140,21 @@ class Stated:
         assert self.rule.magnetometer is not None
         return self.rule.magnetometer.time_offset_bound_s
 
-    def delay_of(self, sensor: AnyDirection) -> float:
+    def delay_of(self, sensor: AnyDirection | Rate) -> float:
         """How late a sensor's stamps are, s."""
         if self.rule is not None and self.rule.magnetometer is not None and isinstance(sensor, Magnetometer):
             return self.rule.magnetometer.delay_s
         return sensor.delay_s
+
+    @property
+    def main_clock(self) -> str:
+        """The column of the gyro's times; those of a rigid body's torques."""
+        return getattr(self.flow, "time_column", None) or self.configuration.time_column
+
+    @property
+    def main_delay(self) -> float:
+        """How late these are, s."""
+        return self.flow.delay_s if isinstance(self.flow, GyroFlow) else 0.0
 
     @property
     def gyro_offset(self) -> float:
@@ -142,7 +166,13 @@ class Stated:
         """The longest window of the accelerometer, s; 0 without one."""
         return max(self.force.windows, default=0.0) if self.force is not None else 0.0
 
-    def _gyro(self) -> StatedGyro:
+    @property
+    def gyro(self) -> StatedGyro:
+        """What is stated of the gyro, which a rigid body has not."""
+        assert self._gyro is not None
+        return self._gyro
+
+    def _stated_gyro(self) -> StatedGyro:
         flow, anchor = self.flow, None
         assert isinstance(flow, GyroFlow)
         if self.rule is not None:
@@ -222,6 +252,12 @@ class Stated:
         return (StatedRest(phase.from_s, phase.to_s, velocity, change, None),)
 
 
+def _body(flow: RigidBodyFlow) -> StatedBody:
+    stated = np.asarray(flow.inertia_kg_m2, dtype=np.float64)
+    largest = math.inf if flow.largest_rate_deg_per_s is None else math.radians(flow.largest_rate_deg_per_s)
+    return StatedBody(flow, np.diag(stated) if stated.ndim == 1 else stated, largest)
+
+
 def radius_of(sensor: AnyDirection) -> float:
     """The angle within which a direction with a constant bound lies, rad; of an ellipsoid the ball about it counts."""
     if sensor.bound_rad2 is not None:
@@ -246,9 +282,13 @@ def _require_drawable(configuration: Configuration) -> None:
         open_still.append("estimator.mode: only 'guaranteed' promises anything")
     if configuration.calibration is not None:
         open_still.append("calibration: its sensors' samples would be corrected; leave it out")
-    if not isinstance(configuration.flow, GyroFlow):
-        open_still.append("flow.kind: logs of a gyro are drawn, not of a rigid body")
-    elif configuration.start is not None and configuration.flow.estimate_bias:
+    flow, references = configuration.flow, [getattr(sensor, "reference", None) for sensor in configuration.directions]
+    if isinstance(flow, RigidBodyFlow):
+        if any(isinstance(reference, RestPhase) for reference in references):
+            open_still.append("directions.reference: a rest of a rigid body, which torques turn, is not drawn")
+        if flow.potential.turns and configuration.timing.origin == "first":
+            open_still.append("timing.origin: a potential that turns is stated for the file's time")
+    elif configuration.start is not None and flow.estimate_bias:
         open_still.append("start: is not drawn beside flow.estimate_bias")
     if open_still:
         raise FileError("; ".join(open_still))

@@ -20,6 +20,7 @@ from elliptude.logs.plausibility import ImplausibleError, plausible_pieces
 from elliptude.smoothing.smoother import smoothed_answers, smoothed_run
 from elliptude.validation.recordings.drawing import Recording, draw_recording
 from elliptude.validation.recordings.judging import Verdict, judge
+from elliptude.validation.recordings.statements import Stated
 
 
 @dataclass(frozen=True)
@@ -202,17 +203,16 @@ def worst_of(summary: Mapping[str, Any]) -> int:
 
 def keep(arguments: RecordingArguments, trial: int, folder: Path) -> Path:
     """Write a trial's log and a configuration that also names its truth, for `elliptude estimate`; the log's file."""
-    configuration, flow = arguments.configuration, arguments.configuration.flow
-    assert isinstance(flow, GyroFlow)
+    configuration = arguments.configuration
     seed = np.random.SeedSequence(arguments.seed, spawn_key=(trial,))
     recording = draw_recording(configuration, seed)
-    clock = flow.time_column or configuration.time_column
-    attitudes = recording.turning.attitudes(recording.clocks[clock] - flow.delay_s)
+    of = Stated(configuration)
+    attitudes = recording.motion.attitudes(recording.clocks[of.main_clock] - of.main_delay)
     names = [f"true_{name}" for name in ("qw", "qx", "qy", "qz")]
     recording.columns |= dict(zip(names, tables.quaternions_from_attitudes(attitudes).T, strict=True))
-    truth: dict[str, Any] = {"attitude_columns": names, "delay_s": flow.delay_s}
-    if flow.time_column is not None:
-        truth |= {"time_column": flow.time_column, "time_unit": flow.time_unit}
+    truth: dict[str, Any] = {"attitude_columns": names, "delay_s": of.main_delay}
+    if isinstance(of.flow, GyroFlow) and of.flow.time_column is not None:
+        truth |= {"time_column": of.flow.time_column, "time_unit": of.flow.time_unit}
     stated = configuration.model_dump(mode="json", exclude_unset=True, exclude_none=True) | {"truth": truth}
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "config.toml").write_text(tomlkit.dumps(stated), encoding="utf-8")
