@@ -309,4 +309,4 @@ def offset_supports(found: ParameterSet, directions: FloatArray, center: FloatAr
 def _contradiction(poses: Sequence[Pose], weights: FloatArray, least: float) -> str:
     worst = [int(i) for i in np.argsort(-weights)[:4] if weights[i] > 0.0]
     places = ", ".join(f"{poses[i].begin:.2f} to {poses[i].end:.2f} s" for i in sorted(worst))
-    return f"no parameters agree with the samples at {places}: they are at least {least:.3g} apart"
+    return f"no parameters agree with the samples at {places}: they disagree by at least {least:.3g}"

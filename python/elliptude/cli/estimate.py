@@ -224,8 +224,10 @@ def _say_of_guaranteed(log: NamedFile, summary: dict[str, Any]) -> None:
     if summary["contradicted_up"] is not None:
         typer.secho(f"  {summary['contradicted_up']['said']}", fg=typer.colors.RED)
     if summary["dropped_measurements"]:
+        counts = ", ".join(f"{name} {count}" for name, count in summary["dropped_by_sensor"].items())
         typer.echo(
-            f"  {summary['dropped_measurements']} measurements contradict the prediction or one another; left out"
+            f"  {summary['dropped_measurements']} measurements contradict the prediction or one another; left out "
+            f"({counts})"
         )
     if summary["heading"] == "from the first row":
         typer.echo("  nothing determines the heading: it counts from the first row")

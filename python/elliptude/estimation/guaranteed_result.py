@@ -227,12 +227,19 @@ def summarize(run: GuaranteedRun, configuration: Configuration, answers: Answers
         "tilt_beyond_set_rows": _tilt_beyond_set(run, extents.largest_angles),
         "heading": "from the first row" if run.starts_heading else "as referenced",
         "dropped_measurements": int(run.sets.dropped.sum()),
+        "dropped_by_sensor": _dropped_by_sensor(run),
         "contradicted_rows": dict(Counter(one.sensor for one in run.contradictions)),
         "contradicted_up": contradicted_up(run),
         "void": list(run.rows.void),
         "gaps": gaps.summarize(run.gaps, run.rows.gyro),
         "why_no_set": why_no_set(run, configuration),
     }
+
+
+def _dropped_by_sensor(run: GuaranteedRun) -> dict[str, int]:
+    """How many measurements of each sensor were left out, for those of which any was."""
+    counts = run.sets.dropped.sum(axis=0).tolist()
+    return {name: count for name, count in zip(run.sensors(), counts, strict=False) if count}
 
 
 def _tilt_beyond_set(run: GuaranteedRun, largest: FloatArray) -> int:

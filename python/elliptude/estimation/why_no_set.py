@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from elliptude.bounds.turns import lengths_of
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.estimation.guaranteed_run import GuaranteedRun
@@ -62,7 +63,25 @@ def why_no_set(run: GuaranteedRun, configuration: Configuration) -> list[str]:
             f"which it may have turned {np.rad2deg(turn):.3g} deg otherwise than it shows: if the bound of its noise "
             "covers longer ones, state that (longest_interval_s)"
         )
-    return hints or ["no set could be formed from its bounds: `elliptude check` says what is suspicious"]
+    return hints or [_too_wide_together(run)]
+
+
+def _too_wide_together(run: GuaranteedRun) -> str:
+    """How wide the two directions are that most rows have: together they leave attitudes half a turn apart."""
+    rows = run.rows
+    says = (rows.angles < np.pi).astype(np.int64)
+    together = np.triu(says.T @ says, 1)
+    i, j = (int(one) for one in np.unravel_index(int(np.argmax(together)), together.shape))
+    both = (says[:, i] & says[:, j]).astype(bool)
+    one, other = rows.directions[both, i], rows.directions[both, j]
+    cosines = np.einsum("ni,ni->n", one, other) / (lengths_of(one) * lengths_of(other))
+    widths = [float(np.rad2deg(np.median(rows.angles[both, k]))) for k in (i, j)]
+    between = float(np.rad2deg(np.median(np.arccos(np.clip(cosines, -1.0, 1.0)))))
+    return (
+        f"{rows.names[i]!r} is known within {widths[0]:.3g} deg and {rows.names[j]!r} within {widths[1]:.3g} deg, "
+        f"{between:.3g} deg from one another (medians): no row's directions leave a set that is less than half a turn "
+        "wide"
+    )
 
 
 def _not_measured(name: str, run: GuaranteedRun, configuration: Configuration) -> str:

@@ -315,6 +315,8 @@ def test_dropped_measurements_are_listed(policy):
     assert estimated.result.claims[199] == "unconditional"
     assert estimated.result.claims[200] == "conditional"
     columns = guaranteed_result.dropped_columns(estimated.guaranteed)
+    counts = guaranteed_result.summarize(estimated.guaranteed, configured(flow))["dropped_by_sensor"]
+    assert counts == {name: list(columns["sensor"]).count(name) for name in set(columns["sensor"])}
     assert columns["time_s"][0] == pytest.approx(10.0)
     assert columns["contradicts"][0] == "prediction"
     with pytest.raises(elliptude.InconsistentMeasurement, match=r"10\.000000 s: the measurement of two"):
