@@ -96,6 +96,7 @@ from elliptude.io.toml import (
     validate,
 )
 
+_NAMES_OF_OTHERS = {"rate": "the measured angular velocity", "gyro": "the gyro", "true_attitude": "the truth"}
 _SAID_OF_A_RULES_SENSOR = {"kind", "name", "columns", "unit", "unit_ut", "axes", "at_rest"}
 
 
@@ -142,8 +143,9 @@ class Configuration(Model):
         names = [direction.name for direction in self.directions]
         if len(set(names)) < len(names):
             raise ValueError("directions must have different names")
-        if "rate" in names:
-            raise ValueError("directions: the name 'rate' is that of the measured angular velocity")
+        for name, other in _NAMES_OF_OTHERS.items():
+            if name in names:
+                raise ValueError(f"directions: the name {name!r} is that of {other}")
         if self.rule is not None and self.estimator.mode != "guaranteed":
             raise ValueError("rule needs estimator.mode = 'guaranteed'")
         if self.start is None and self.estimator.mode != "guaranteed":

@@ -1,6 +1,7 @@
 """Explains why the guaranteed mode claims nothing at any row: which statements leave too little."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elliptude.bounds.turns import lengths_of
 from elliptude.configuration.configuration import Configuration
@@ -63,16 +64,26 @@ def why_no_set(run: GuaranteedRun, configuration: Configuration) -> list[str]:
             f"which it may have turned {np.rad2deg(turn):.3g} deg otherwise than it shows: if the bound of its noise "
             "covers longer ones, state that (longest_interval_s)"
         )
-    return hints or [_too_wide_together(run)]
+    if hints:
+        return hints
+    kept = says & ~run.sets.dropped[:, : len(rows.names)]
+    if (kept.sum(axis=1) >= 2).any():
+        return [_too_wide_together(run, kept)]
+    return [
+        "in each row with two directions they contradict one another or the prediction, and of those that were left no "
+        "row has two (dropped.csv): a reference, the axes of a sensor or a bound is wrong"
+    ]
 
 
-def _too_wide_together(run: GuaranteedRun) -> str:
-    """How wide the two directions are that most rows have: together they leave attitudes half a turn apart."""
+def _too_wide_together(run: GuaranteedRun, kept: NDArray[np.bool_]) -> str:
+    """How wide the two directions are that most rows have: together they leave attitudes half a turn apart.
+
+    `kept`, shape (N, m), is which of them say something and were not left out.
+    """
     rows = run.rows
-    says = (rows.angles < np.pi).astype(np.int64)
-    together = np.triu(says.T @ says, 1)
+    together = np.triu(kept.T.astype(np.int64) @ kept.astype(np.int64), 1)
     i, j = (int(one) for one in np.unravel_index(int(np.argmax(together)), together.shape))
-    both = (says[:, i] & says[:, j]).astype(bool)
+    both = kept[:, i] & kept[:, j]
     one, other = rows.directions[both, i], rows.directions[both, j]
     cosines = np.einsum("ni,ni->n", one, other) / (lengths_of(one) * lengths_of(other))
     widths = [float(np.rad2deg(np.median(rows.angles[both, k]))) for k in (i, j)]

@@ -16,8 +16,8 @@ TIMES = np.arange(0.0, 20.0, 0.5)
 ATTITUDES = Rotation.from_rotvec(np.outer(TIMES, [0.0, 0.0, RATE]))
 
 
-def star_tracker(tmp_path, bound_deg=0.05, **flow):
-    seen = np.stack([ATTITUDES.inv().apply(star) for star in STARS], axis=1)
+def star_tracker(tmp_path, bound_deg=0.05, policy="raise", stars=STARS, **flow):
+    seen = np.stack([ATTITUDES.inv().apply(star) for star in stars], axis=1)
     log, config = tmp_path / "log.npz", tmp_path / "config.toml"
     np.savez(log, t=TIMES, stars=seen[:, 0], others=seen[:, 1], q=ATTITUDES.as_quat(scalar_first=True))
     directions = [
@@ -35,7 +35,7 @@ def star_tracker(tmp_path, bound_deg=0.05, **flow):
                 "time_column": "t",
                 "flow": {"kind": "rigid_body", "inertia_kg_m2": [1.0, 2.0, 2.5], "step_s": 0.1} | flow,
                 "directions": directions,
-                "estimator": {"mode": "guaranteed"},
+                "estimator": {"mode": "guaranteed", "policy": policy},
                 "truth": {"attitude_columns": [f"q[{i}]" for i in range(4)], "order": "wxyz"},
             }
         ),
@@ -124,3 +124,13 @@ def test_estimate_says_that_two_directions_are_too_wide_together(tmp_path):
     assert done.exit_code == 1, done.output
     (why,) = json.loads(done.stdout)["why_no_set"]
     assert why.startswith("'stars' is known within 120 deg and 'others' within 120 deg, 90 deg from one another")
+
+
+def test_estimate_says_that_two_directions_contradict_one_another_at_every_row(tmp_path):
+    stars = np.array([STARS[0], [0.6, 0.0, 0.8]])
+    done, _ = star_tracker(tmp_path, stars=stars, policy="drop_measurement", largest_rate_deg_per_s=2.0)
+    assert done.exit_code == 1, done.output
+    summary = json.loads(done.stdout)
+    assert summary["dropped_by_sensor"] == {"stars": len(TIMES), "others": len(TIMES)}
+    (why,) = summary["why_no_set"]
+    assert why.startswith("in each row with two directions they contradict one another or the prediction")
