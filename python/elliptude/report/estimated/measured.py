@@ -100,6 +100,8 @@ class _Samples:
         self._before = np.concatenate([self._before, before])
         if np.isnan(self._usual) and len(self.times) > _FEWEST:
             self._usual = float(np.median(self._intervals[1:]))
+        if len(self.times) > LIMIT:  # what is new has not been thinned; the groups may be large enough
+            self._keep(self._extremes())
         while len(self.times) > LIMIT:
             self._stride *= 2
             self._keep(self._extremes())
