@@ -161,6 +161,7 @@ HEADER = "# elliptude measured 1\ntime_s,sensor,kind,unit,what,x,y,z\n"
     ("text", "fault"),
     [
         (HEADER + "0,up,,,sample,1,2,3\n1,up,,,seen,1,2,3\n", "row 2 below the header: 'seen', not sample, gap or"),
+        (HEADER + "0,up,,,sample,1,2,3\n1,,,,sample,1,2,3\n", "row 2 below the header: no name of a sensor"),
         (HEADER + "0,up,,,sample,,,\n", "row 1 below the header: a sample without x y z"),
         (HEADER + "0,up,,,sample,1,,3\n", r"line 3, column 6 \(x\): a number, but x y z are empty only together"),
         (HEADER + "0,up,,,sample,1,nan,3\n", r"line 3, column 7 \(y\): not a finite number"),

@@ -127,6 +127,8 @@ def read_measured(path: Path) -> tuple[MeasuredSensor, ...]:
     names, what = columns["sensor"], columns["what"]
     for row in np.flatnonzero(~np.isin(what, (_SAMPLE, _GAP, _LEFT_OUT))):
         raise FileError(f"{path}: row {row + 1} below the header: {what[row]!r}, not {_SAMPLE}, {_GAP} or {_LEFT_OUT}")
+    for row in np.flatnonzero(~names.astype(np.bool_)):
+        raise FileError(f"{path}: row {row + 1} below the header: no name of a sensor")
     for row in np.flatnonzero((what == _SAMPLE) & np.isnan(columns["x"])):
         raise FileError(f"{path}: row {row + 1} below the header: a sample without x y z")
     return tuple(_sensor(path, columns, names == name) for name in dict.fromkeys(names))
