@@ -379,6 +379,7 @@ def apply_rule(
     rates = rates - bias
     gyro = after_rest(gyro, stamps[rest])
     step = min(10.0 * float(np.median(np.diff(stamps))), longest_interval)
+    _up_at_rest(rule, forces_at[rest], forces[rest])
 
     def up_within(rows: slice, motion: MotionBounds) -> WindowBounds:
         return gravity_bounds_over_windows(
@@ -577,22 +578,16 @@ def _require_heading(reference: FloatArray, error: float) -> None:
         )
 
 
-def _field_at_rest(
-    rule: Rule, forces_at: FloatArray, forces: FloatArray, fields_at: FloatArray, fields: FloatArray
-) -> tuple[FloatArray, float]:
-    """The reference field (0, horizontal, vertical), µT, and how far it may be off, theory.md (18.11).
+def _up_at_rest(rule: Rule, times: FloatArray, forces: FloatArray) -> tuple[FloatArray, float]:
+    """The mean specific force in the rest at the start, m/s², and how far up may be from it, rad.
 
-    Each sensor's mean is over the times of its own samples.
+    Raises
+    ------
+    ValueError
+        If its length contradicts the rule.
     """
-    accelerometer, magnetometer = rule.accelerometer, rule.magnetometer
-    assert magnetometer is not None
-    force, force_error, lasted = mean_at_rest(forces_at, forces, accelerometer.sensor())
-    field, error, _ = mean_at_rest(fields_at, fields, magnetometer.sensor())
-    if not np.isfinite(field).all():
-        raise ValueError(
-            "the magnetometer shows nothing in the rest at the start; does its delay, magnetometer.delay_s = "
-            f"{magnetometer.delay_s:g}, move it out of there?"
-        )
+    accelerometer = rule.accelerometer
+    force, force_error, lasted = mean_at_rest(times, forces, accelerometer.sensor())
     k = accelerometer.scale_error
     length = float(np.linalg.norm(force))
     radius = force_error + k * (length + accelerometer.error_m_per_s2) / (1.0 - k)
@@ -603,8 +598,28 @@ def _field_at_rest(
             f"at rest the specific force is {length:.4g} m/s^2, "
             f"{excess:.2g} m/s^2 further from gravity than the rule allows"
         )
+    return force, float(tilt)
+
+
+def _field_at_rest(
+    rule: Rule, forces_at: FloatArray, forces: FloatArray, fields_at: FloatArray, fields: FloatArray
+) -> tuple[FloatArray, float]:
+    """The reference field (0, horizontal, vertical), µT, and how far it may be off, theory.md (18.11).
+
+    Each sensor's mean is over the times of its own samples.
+    """
+    magnetometer = rule.magnetometer
+    assert magnetometer is not None
+    force, tilt = _up_at_rest(rule, forces_at, forces)
+    field, error, _ = mean_at_rest(fields_at, fields, magnetometer.sensor())
+    if not np.isfinite(field).all():
+        raise ValueError(
+            "the magnetometer shows nothing in the rest at the start; does its delay, magnetometer.delay_s = "
+            f"{magnetometer.delay_s:g}, move it out of there?"
+        )
+    length = float(np.linalg.norm(force))
     vertical = float(field @ force) / length
     horizontal = float(np.linalg.norm(field - vertical * force / length))
     strength, k = float(np.linalg.norm(field)), magnetometer.scale_error
-    error += 2.0 * strength * np.sin(0.5 * float(tilt)) + k * (strength + magnetometer.error_ut) / (1.0 - k)
+    error += 2.0 * strength * np.sin(0.5 * tilt) + k * (strength + magnetometer.error_ut) / (1.0 - k)
     return np.array([0.0, horizontal, vertical]), float(error)

@@ -186,8 +186,9 @@ def test_rule_needs_a_rest():
         apply_rule(hand_held(), *(array[1400:] for array in arrays))
     with pytest.raises(ValueError, match="the recording ends there"):
         apply_rule(hand_held(), *(array[:50] for array in arrays))
-    with pytest.raises(ValueError, match=r"further from gravity than the rule allows"):
-        apply_rule(hand_held(), arrays[0], arrays[1], 1.2 * arrays[2], recording.fields)
+    for fields in (recording.fields, None):
+        with pytest.raises(ValueError, match=r"further from gravity than the rule allows"):
+            apply_rule(hand_held(), arrays[0], arrays[1], 1.2 * arrays[2], fields)
 
 
 @needs_datasets
