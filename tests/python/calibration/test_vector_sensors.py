@@ -163,7 +163,7 @@ def test_samples_that_contradict_all_parameters_are_named():
     said = stated()
     recorded = Recorded(4, said, np.array([0.5, -0.3, 0.2]), np.zeros((3, 3)), np.zeros(3))
     recorded.vectors[2000:2100] *= 1.2
-    with pytest.raises(ContradictionError, match=r"2\d\.\d\d to 2\d\.\d\d s.*at least [\d.]+ apart"):
+    with pytest.raises(ContradictionError, match=r"2\d\.\d\d to 2\d\.\d\d s.*disagree by at least [\d.]+"):
         sensor_set(recorded.poses(), said)
 
 

@@ -10,7 +10,6 @@ from elliptude.cli import estimate
 from elliptude.configuration import Configuration, read_configuration
 from elliptude.io import column_files
 from elliptude.io.readers.text.csv import CsvTable
-from elliptude.report.estimated.measured import Measured
 from rich.console import Console
 from rich.progress import Progress
 
@@ -77,10 +76,7 @@ def test_the_file_is_not_read_again_for_each_contradiction(tmp_path, openings, c
     wrong = np.linspace(0, 2999, count).astype(int)
     path, configuration = contradicting_log(tmp_path, 3000, wrong)
     with Progress(disable=True) as progress:
-        measured = Measured(configuration)
-        estimate._estimate_pieces(
-            path, configuration, tmp_path, "results.csv", progress, smooth=False, axes="body", measured=measured
-        )
+        estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress, smooth=False, axes="body")
     # The header; the first cells, which say what a column is; the lines of all contradictions.
     assert len(openings) <= 3
     listed = (tmp_path / "dropped.csv").read_text().splitlines()[2:]
@@ -117,10 +113,7 @@ def test_progress_says_what_is_done(tmp_path, monkeypatch):
         watched(estimate, "run_guaranteed")
         watched(estimate, "write_columns")
         watched(estimate, "finish")
-        measured = Measured(configuration)
-        estimate._estimate_pieces(
-            path, configuration, tmp_path, "results.csv", progress, smooth=False, axes="body", measured=measured
-        )
+        estimate._estimate_pieces(path, configuration, tmp_path, "results.csv", progress, smooth=False, axes="body")
     assert shown == [
         ("run_guaranteed", "Estimating", 3000, False),
         ("write_columns", "Writing", 3000, False),
