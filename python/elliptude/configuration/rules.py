@@ -199,9 +199,13 @@ class Rule(Model):
 
     @model_validator(mode="after")
     def _is_of_a_gyro_on_earth(self) -> Self:
-        windows = [*self.motion.windows_s, *([] if self.magnetometer is None else [self.magnetometer.window_s])]
-        require_earth_rate(self.gyro.earth_rate, self.gyro.bounds(), max(windows), place="gyro")
+        self.require_earth_rate()
         return self
+
+    def require_earth_rate(self, anchor_s: float | None = None) -> None:
+        """Refuse bounds that the Earth's turn alone breaks; `anchor_s` is how long predictions are, 0 if left out."""
+        windows = [*self.motion.windows_s, *([] if self.magnetometer is None else [self.magnetometer.window_s])]
+        require_earth_rate(self.gyro.earth_rate, self.gyro.bounds(), max(*windows, anchor_s or 0.0), place="gyro")
 
     def motion_in_rest(self) -> MotionBounds:
         """Bounds of the motion in the rest at the start, in SI units."""

@@ -398,6 +398,26 @@ def test_a_rule_is_of_the_earth():
         Rule.model_validate(tables | {"gyro": tables["gyro"] | {"increment_deg": 0.009}})
 
 
+def test_a_rule_has_room_for_the_earth_between_anchors():
+    rule = hand_held().model_dump(mode="json", exclude_none=True)
+    rule["gyro"] |= {"noise_deg_per_s": 0.01, "bias_deg_per_s": 0.004, "increment_deg": 0.009}
+    rule["motion"]["windows_s"] = [2.0]
+    columns = {"columns": ["a", "b", "c"]}
+    tables = {
+        "time_column": "t",
+        "flow": {"kind": "gyro"} | columns,
+        "directions": [{"name": "up", "kind": "accelerometer", "unit": "m/s^2"} | columns],
+        "estimator": {"mode": "guaranteed"},
+    }
+    for anchor, covers in ((2.0, True), (60.0, False)):
+        stated = Configuration.model_validate(tables | {"rule": {"kind": "stated", "anchor_s": anchor} | rule})
+        if covers:
+            stated.calibrated_rule()
+        else:
+            with pytest.raises(ValueError, match=r"leave no room \(0\.00415 over windows of 60 s\)"):
+                stated.calibrated_rule()
+
+
 def test_a_growth_needs_what_it_is_added_to():
     tables = hand_held().model_dump(mode="json", exclude_none=True)
     tables["gyro"] |= {"noise_turn_growth_deg_per_s": 0.1}
