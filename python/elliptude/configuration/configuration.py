@@ -345,7 +345,7 @@ class Configuration(Model):
         return names + [sensor.name for sensor in self.directions if self.correction_of(sensor) is not None]
 
     def calibrated_rule(self) -> Rule:
-        """The rule, with what calibrations leave of the sensors' errors; refused if the Earth's turn breaks it."""
+        """The rule, with what calibrations leave of the sensors' errors."""
         assert self.rule is not None
         rule = self.rule.rule()
         changes: dict[str, Model] = {}
@@ -372,9 +372,7 @@ class Configuration(Model):
                 errors = {f"error_{unit}": bounds.error, f"averaged_error_{unit}": bounds.averaged_error}
                 errors |= {"averaged_over_s": bounds.averaged_over, "scale_error": bounds.scale_error}
                 changes[sensor.kind] = table.model_copy(update=errors)
-        rule = rule.model_copy(update=changes)
-        rule.require_earth_rate(self.rule.anchor_s)
-        return rule
+        return rule.model_copy(update=changes)
 
     def _calibration_of(self, sensor: AnyDirection) -> AccelerometerCalibration | MagnetometerCalibration | None:
         if self.calibration is None or not isinstance(sensor, Accelerometer | Magnetometer):

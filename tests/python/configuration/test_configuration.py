@@ -6,7 +6,9 @@ import tomlkit
 from elliptude import GravityGradient, UniformGravity
 from elliptude.configuration import Configuration, read_configuration
 from elliptude.configuration.rules import Rule, hand_held
+from elliptude.estimation.direction_rows import direction_rows
 from elliptude.io.files import FileError
+from elliptude.logs.log import Log
 from elliptude.simulation import fermi
 from elliptude.simulation.scenarios import Scenario
 
@@ -409,13 +411,15 @@ def test_a_rule_has_room_for_the_earth_between_anchors():
         "directions": [{"name": "up", "kind": "accelerometer", "unit": "m/s^2"} | columns],
         "estimator": {"mode": "guaranteed"},
     }
+    still = np.tile([0.0, 0.0, 9.81], (1000, 1))
+    log = Log(0.01 * np.arange(1000), still[:, None, :], still[:, None, :], np.zeros((1000, 3)))
     for anchor, covers in ((2.0, True), (60.0, False)):
         stated = Configuration.model_validate(tables | {"rule": {"kind": "stated", "anchor_s": anchor} | rule})
         if covers:
-            stated.calibrated_rule()
+            direction_rows(log, stated)
         else:
             with pytest.raises(ValueError, match=r"leave no room \(0\.00415 over windows of 60 s\)"):
-                stated.calibrated_rule()
+                direction_rows(log, stated)
 
 
 def test_a_growth_needs_what_it_is_added_to():
