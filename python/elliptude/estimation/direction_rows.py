@@ -406,7 +406,6 @@ def _by_rule(log: Log, configuration: Configuration) -> DirectionRows:
     rows = np.flatnonzero(sampled) if log.gyro_times is not None else np.arange(len(log.times))
     require_shared_stamps(log, names, rows)
     vectors, rule = log.directions[rows], configuration.calibrated_rule()
-    assert configuration.rule is not None
     rule.require_earth_rate(configuration.rule.anchor_s)
     own = [None if (times := log.sampled(i)) is None else times[rows] for i in range(len(names))]
     velocity = measured_velocity(log, configuration)
