@@ -404,8 +404,7 @@ def apply_rule(
             sampled=forces_at[rows],
         )
 
-    up = up_within(slice(None), rule.motion.bounds())
-    up = _known_better(up, rest, up_within(rest, rule.motion_in_rest()))
+    up = _known_better(up_within(slice(None), rule.motion.bounds()), rest, up_within(rest, rule.motion_in_rest()))
     noise = gyro.rate_error(np.linalg.norm(rates, axis=1), stamps - stamps[0])
     if fields is None or rule.magnetometer is None:
         return RuledRecording(rest, bias, gyro, noise, up, None, None, None, 0.0)
