@@ -53,7 +53,9 @@ def axis_in_words(direction: FloatArray) -> str:
     if off > _NEAR_AN_AXIS:
         return f"({', '.join(f'{value:.2f}' for value in unit)})"
     name = f"{'-' if unit[i] < 0.0 else '+'}{'xyz'[i]}"
-    return name if off < 0.5 else f"{name} ({off:.0f} degrees off)"
+    if off < 0.5:
+        return name
+    return f"{name} ({off:.0f} {'degree' if off < 1.5 else 'degrees'} off)"
 
 
 def usual_limits() -> dict[str, float]:

@@ -219,6 +219,7 @@ def test_up_is_said_where_no_log_can_tell(tmp_path, at_rest, axis):
 def test_up_in_words():
     assert axis_in_words(np.array([0.0, 0.0, -9.8])) == "-z"
     assert axis_in_words(np.array([9.8 * np.cos(0.2), 9.8 * np.sin(0.2), 0.0])) == "+x (11 degrees off)"
+    assert axis_in_words(np.array([np.cos(0.02), np.sin(0.02), 0.0])) == "+x (1 degree off)"
     assert axis_in_words(np.array([1.0, -1.0, 0.0])) == "(0.71, -0.71, 0.00)"
     arrays = recording()
     still = up_at_rest(arrays["t"], arrays["gyr"], arrays["acc"], None)

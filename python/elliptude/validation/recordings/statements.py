@@ -178,7 +178,8 @@ class Stated:
         if self.rule is not None:
             assert self.configuration.rule is not None
             anchor = self.configuration.rule.anchor_s
-            over = max(*self.rule.motion.windows_s, anchor or 0.0)
+            of_field = [] if self.rule.magnetometer is None else [self.rule.magnetometer.window_s]
+            over = max(*self.rule.motion.windows_s, *of_field, anchor or 0.0)
             interval = self.rule.gyro.longest_interval_s
             return StatedGyro(self.rule.gyro.bounds(), np.zeros(3), False, 0.0, False, interval, over)
         windows = [w for sensor in self.directions for w in getattr(sensor.bound_from, "windows_s", ())]
