@@ -22,3 +22,11 @@ def smaller(monkeypatch, owner, name, share=0.9):
 def without(monkeypatch, owner, name):
     """Make a property zero."""
     monkeypatch.setattr(owner, name, property(lambda _: 0.0))
+
+
+def require_noticed(monkeypatch, weaken, make):
+    """Nothing is wrong with recordings of a configuration until one of the bounds is made too small."""
+    configuration = make()
+    assert not faults(configuration, 3)
+    weaken(monkeypatch)
+    assert faults(configuration, 60)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomlkit
-from drawn_recordings import FIXED, GUARANTEED, STAR, faults, smaller, without
+from drawn_recordings import FIXED, GUARANTEED, STAR, require_noticed, smaller, without
 from elliptude import cli
 from elliptude.bounds import gyro as gyro_bounds
 from elliptude.bounds import one_matrix, turns
@@ -249,11 +249,7 @@ def _exact(whole):
 
 @pytest.mark.parametrize("what", WEAKENED)
 def test_a_bound_that_is_too_small_is_noticed(what, monkeypatch):
-    weaken, make = WEAKENED[what]
-    configuration = make()
-    assert not faults(configuration, 3)
-    weaken(monkeypatch)
-    assert faults(configuration, 60)
+    require_noticed(monkeypatch, *WEAKENED[what])
 
 
 # --- that an answer that is missing is noticed ------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from pathlib import Path
 import elliptude
 import numpy as np
 import pytest
-from drawn_recordings import FIXED, GUARANTEED, STAR, faults, smaller
+from drawn_recordings import FIXED, GUARANTEED, STAR, require_noticed, smaller
 from elliptude.configuration import potentials
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import GivenStart
@@ -247,8 +247,4 @@ WEAKENED = {
 
 @pytest.mark.parametrize("what", WEAKENED)
 def test_a_bound_that_is_too_small_is_noticed(what, monkeypatch):
-    weaken, make = WEAKENED[what]
-    configuration = make()
-    assert not faults(configuration, 3)
-    weaken(monkeypatch)
-    assert faults(configuration, 60)
+    require_noticed(monkeypatch, *WEAKENED[what])
