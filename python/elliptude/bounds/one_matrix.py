@@ -141,7 +141,7 @@ class OneMatrix:
         # The matrix acts in the carried frame, which is no further off than over the whole window.
         apart = (self._piece.apart[of.stop] - self._piece.apart[of.start]) * swept
         turns: FloatArray = self._scale * (push + chords + apart) + noise + biased
-        return turns + second + average.by_stamps[indices] + self._rounding(of, average, indices)
+        return turns + second + average.by_stamps_of_frame[indices] + self._rounding(of, average, indices)
 
     def _mean_push(self, window: Window, *, triangular: bool) -> FloatArray:
         """The weighted means of the effects crossed with what is averaged, as `weighted`, shape (m, 3, 9)."""

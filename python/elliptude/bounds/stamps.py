@@ -3,6 +3,8 @@
 Needs only NumPy; SI units and radians; rows are instants. Derivation: docs/theory.md, section 18.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -11,8 +13,111 @@ from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.turns import lengths_of
 from elliptude.typing import FloatArray
 
+_EPSILON = float(np.finfo(np.float64).eps)
 # Pairs of a row and a sample within the offset of its stamp that are looked at one by one.
 _MOST_ACROSS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class OffsetTurns:
+    """How far measured vectors turn between their rows and the true times of their stamps, (18.59)."""
+
+    angles: FloatArray
+    """Bounds of the whole turn, whichever way it goes, rad, shape (N,); as of `time_offset_angles`."""
+    slopes: FloatArray
+    """How fast each vector changes, body axes, its unit in a second, shape (N, 3); 0 where only the angle is known."""
+    known: FloatArray
+    """Seconds from the row to the stamp, shape (N,)."""
+    common: float
+    """Bound of the part of the offset that all vectors of a window share, s."""
+    across: FloatArray
+    """Bounds of the turn by the measured rate, rad, shape (N,); 0 where there is no slope."""
+    others: FloatArray
+    """Bounds of what slopes times offsets leave of the turn, rad, shape (N,)."""
+
+    @classmethod
+    def any_way(cls, angles: FloatArray) -> "OffsetTurns":
+        """Of which nothing is known but how far they turn, rad, shape (N,)."""
+        zero = np.zeros_like(angles)
+        return cls(angles, np.zeros((len(angles), 3)), zero, 0.0, zero, angles)
+
+    def take(self, rows: NDArray[np.intp]) -> "OffsetTurns":
+        """Those of some rows."""
+        return OffsetTurns(
+            self.angles[rows],
+            self.slopes[rows],
+            self.known[rows],
+            self.common,
+            self.across[rows],
+            self.others[rows],
+        )
+
+    @property
+    def has_slopes(self) -> bool:
+        """Whether they say more than the angles."""
+        return bool(self.across.any()) and (self.common > 0.0 or bool(self.known.any()))
+
+
+def turns_within_offset(
+    times: FloatArray,
+    angular_velocities: FloatArray,
+    vectors: FloatArray,
+    sampled: FloatArray,
+    offset: float,
+    change: float,
+    gyro: GyroBounds,
+) -> OffsetTurns:
+    """How far vectors turn while their stamps are off, by one offset for all of a window but for a change.
+
+    Parameters
+    ----------
+    times : (N,) array
+        Of the rows, s, increasing.
+    angular_velocities : (N, 3) array
+        Measured, rad/s, body axes; NaN where there was no sample.
+    vectors : (N, 3) array
+        Body axes.
+    sampled : (N,) array
+        Their stamps, s.
+    offset : float
+        Bound τ of the difference between stamp and true time, s.
+    change : float
+        How far the offsets of two vectors of a window may differ, s.
+    gyro : GyroBounds
+
+    Raises
+    ------
+    ValueError
+        If an offset or a change is out of its range.
+    """
+    if not change >= 0.0:
+        raise ValueError(f"time_offset_change must be at least 0, not {change}")
+    angles = time_offset_angles(times, angular_velocities, offset, gyro=gyro, vectors=vectors, sampled=sampled)
+    known = sampled - times
+    # About the middle of all offsets of a window none is further off than half of their change; nor is the middle
+    # nearer to the bound than that.
+    beside = min(0.5 * change, offset)
+    common = offset - beside
+    if common == 0.0 and not known.any():
+        return OffsetTurns.any_way(angles)
+    offsets = np.abs(known) + offset
+    begins, ends = np.minimum(times, sampled) - offset, np.maximum(times, sampled) + offset
+    first, last = _samples_in_reach(times, begins, ends)
+    speeds = lengths_of(angular_velocities)
+    fastest = _range_maximum(speeds, first, last)
+    errors = gyro.rate_error(speeds, np.abs(times - times[0]) + offset + np.abs(known).max())
+    units = _unit(vectors)
+    across = _range_maximum_across(angular_velocities, units, first, last)
+    changes = _range_maximum_across(angular_velocities, units, first, last, angular_velocities)
+    with np.errstate(invalid="ignore"):  # where too many samples are in reach, and nothing is known across
+        turned = offsets * across
+        others = offsets * (_range_maximum(errors, first, last) + changes + 0.5 * fastest * turned) + beside * across
+        others += 8.0 * _EPSILON * offsets * fastest
+    gaps = np.append(np.diff(times) > gyro.longest_interval, False).astype(np.float64)
+    within = (begins >= times[0]) & (ends <= times[-1])
+    within &= np.isfinite(others) & (_range_maximum(gaps, first, np.maximum(first, last - 1)) == 0.0)
+    slopes = np.where(within[:, None], np.cross(angular_velocities, vectors), 0.0)
+    return OffsetTurns(angles, slopes, known, common, np.where(within, turned, 0.0), np.where(within, others, angles))
 
 
 def time_offset_angles(
@@ -82,9 +187,7 @@ def time_offset_angles(
         fastest[:-1][np.diff(stamps) > gyro.longest_interval] = gyro.largest_rate
         if np.isfinite(gyro.largest_rate):
             speeds[np.isnan(speeds)] = gyro.largest_rate
-    # The samples on both sides of the interval too: between two samples the rate is bounded by both.
-    first = np.maximum(np.searchsorted(stamps, begins, side="right") - 1, 0)
-    last = np.minimum(np.searchsorted(stamps, ends, side="left"), len(stamps) - 1)
+    first, last = _samples_in_reach(stamps, begins, ends)
     steps = np.append(np.diff(stamps), 0.0)
     between = 0.5 * angular_acceleration * np.maximum(_range_maximum(steps, first, last), offsets)
     in_gaps = _range_maximum(fastest, first, np.maximum(first, last - 1))
@@ -157,18 +260,32 @@ def _unit(vectors: FloatArray) -> FloatArray:
 
 
 def _range_maximum_across(
-    rates: FloatArray, directions: FloatArray, first: NDArray[np.intp], last: NDArray[np.intp]
+    rates: FloatArray,
+    directions: FloatArray,
+    first: NDArray[np.intp],
+    last: NDArray[np.intp],
+    less: FloatArray | None = None,
 ) -> FloatArray:
-    """The largest part of rates[first..last] across the row's own direction, each; NaN where one is missing.
+    """The largest part of rates[first..last], ``less`` the row's own, across the row's direction, each.
 
-    Infinite where these are many: each row has a direction of its own, so that all pairs would have to be looked at.
+    NaN where a rate is missing. Infinite where these are many: each row has a direction of its own, so that all pairs
+    would have to be looked at.
     """
     largest = np.where(last - first < _MOST_ACROSS, 0.0, np.inf)
     for i in range(min(int((last - first).max()) + 1, _MOST_ACROSS)):
+        there = rates[np.minimum(first + i, last)]
         # maximum, not fmax: a missing rate is not a small one.
-        crossed = np.cross(rates[np.minimum(first + i, last)], directions)
+        crossed = np.cross(there if less is None else there - less, directions)
         largest = np.maximum(largest, lengths_of(crossed))
     return largest
+
+
+def _samples_in_reach(
+    stamps: FloatArray, begins: FloatArray, ends: FloatArray
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The first and last sample that say something of the rate in each interval: those on both sides of it, too."""
+    first = np.maximum(np.searchsorted(stamps, begins, side="right") - 1, 0)
+    return first, np.minimum(np.searchsorted(stamps, ends, side="left"), len(stamps) - 1)
 
 
 def shift(times: ArrayLike, values: ArrayLike, delay: float) -> tuple[FloatArray, FloatArray]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from elliptude.bounds.carried_frame import CarriedFrame
 from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.stamps import OffsetTurns
 from elliptude.bounds.turns import from_the_first, lengths_of, running_sum
 from elliptude.typing import FloatArray
 
@@ -98,7 +99,9 @@ class Average:
     spanned: FloatArray
     """The mean of the lengths times the time to the row, rounded up."""
     by_stamps: FloatArray
-    """The mean of the lengths times the turn by the offset of their stamps."""
+    """What the offsets of the stamps do to the mean at most, if the carried frame were right or counts by itself."""
+    by_stamps_of_frame: FloatArray
+    """The same with what a wrong frame does to it."""
     lost: FloatArray
     """What a mean of lengths may lose by rounding."""
     pieces: FloatArray
@@ -146,8 +149,8 @@ class Piece:
     times : (n,) array
         Of these samples, s.
     vectors : (n, 3) array
-    turned_by_offset : (n,) array
-        How far the body turns within the offset of their stamps, rad.
+    offsets : OffsetTurns
+        How far the body turns within the offsets of their stamps.
     gyro : GyroBounds
     away : float
         How far samples are from their rows at most, s; their means are over the samples' times.
@@ -161,7 +164,7 @@ class Piece:
         rows: NDArray[np.intp],
         times: FloatArray,
         vectors: FloatArray,
-        turned_by_offset: FloatArray,
+        offsets: OffsetTurns,
         gyro: GyroBounds,
         *,
         away: float = 0.0,
@@ -194,16 +197,41 @@ class Piece:
                 self._steady,
                 self.turned,
                 self.elapsed,
-                turned_by_offset,
+                offsets.angles,
                 *([self.frame_gaps] if gaps.any() else []),
             ]
         )
         self._once = running_sum(self.steps, np.column_stack([self.carried, weights]))
+        self._common = offsets.common
+        self._offset_once = self._offset_sums(offsets, lengths) if offsets.has_slopes else None
 
     @cached_property
     def _twice(self) -> FloatArray:
         """The sums of `_once`, which triangular weights alone need."""
         return running_sum(self.steps, self._once)
+
+    def _offset_sums(self, offsets: OffsetTurns, lengths: FloatArray) -> FloatArray:
+        """Running integrals for (18.60).
+
+        Columns: the slopes, these times the known seconds, both in the common frame; ‖f‖ times what they leave, and
+        times the turn across; that times steady error, angle turned, time and gaps.
+        """
+        slopes = np.einsum("nij,nj->ni", self.attitudes, offsets.slopes)
+        across = lengths * offsets.across
+        running = [np.ones_like(across), self._steady, self.turned, self.elapsed, self.frame_gaps]
+        columns = [
+            slopes,
+            offsets.known[:, None] * slopes,
+            lengths * offsets.others,
+            *(across * one for one in running),
+        ]
+        return running_sum(self.steps, np.column_stack(columns))
+
+    @cached_property
+    def _offset_twice(self) -> FloatArray:
+        """The sums of `_offset_once`, likewise."""
+        assert self._offset_once is not None
+        return running_sum(self.steps, self._offset_once)
 
     def window(
         self, rows: NDArray[np.intp], duration: float, at: Place, ends: tuple[float, float] = (-np.inf, np.inf)
@@ -240,49 +268,97 @@ class Piece:
         count = self.rows[window.stop] - self.rows[window.start]
         # What the additions of a running sum, as many as the window has, may lose of a mean, if the sum ends at one.
         share = _EPSILON * (count + 20.0) / span
-        yield self._average(window, *weighted(self._once, None, window), share)
+        yield self._average(window, share, triangular=False)
         if triangular:
             half = np.minimum(window.before, window.after)
             halves = self._summed[window.stop] / np.where(half > 0.0, half, np.nan)
             share = _EPSILON * (count + 30.0 + (count + 2.0) * halves) / span
-            yield self._average(window, *weighted(self._once, self._twice, window), share)
+            yield self._average(window, share, triangular=True)
 
-    def _average(self, window: Window, rising: FloatArray, falling: FloatArray, share: FloatArray) -> Average:
+    def _average(self, window: Window, share: FloatArray, *, triangular: bool) -> Average:
+        rising, falling = weighted(self._once, self._twice if triangular else None, window)
         both = rising + falling
-        row, at_top = window.row, window.row == window.top
         lost = share * self._once[window.stop, 3]
 
-        # The mean of ‖f‖ times the steady error, angle or time between each sample and the row. The row is at the top
-        # or at the end, so that each side of the top lies on one side of the row. Rounding is in proportion to how far
-        # these have grown by then.
         def between(column: int, running: FloatArray) -> FloatArray:
-            at_row = running[row]
-            before_row = at_row * rising[:, 3] - rising[:, column]
-            after_row = falling[:, column] - at_row * falling[:, 3]
-            difference = np.maximum(before_row + np.where(at_top, after_row, -after_row), 0.0)
-            rounded: FloatArray = difference + 3.0 * lost * running[window.stop]
-            return rounded
+            return _between(window, rising[:, [3, column]], falling[:, [3, column]], running, lost)
 
         spanned, swept = between(6, self.elapsed), between(5, self.turned)
         pieces = both[:, 3]
         if self._once.shape[1] > 8:
             pieces = pieces + between(8, self.frame_gaps)
-        longest = np.where(at_top, np.maximum(window.before, window.after), window.before + window.after)
-        noise = self._gyro.noise_angle(spanned, swept, longest + 2.0 * self.away, pieces + lost)
+        noise = self._noise(window, spanned, swept, pieces + lost)
         turned = self.turned[window.stop] - self.turned[window.start]
         rounding = 2.0 * lost + share * self._once[window.stop, 7]
         steps = self.rows[window.stop] - self.rows[window.start] + 1
         rounding += 32.0 * _EPSILON * (steps + turned) * both[:, 3]
+        by_stamps = by_stamps_of_frame = both[:, 7]
+        if self._offset_once is not None:
+            by_slopes, of_frame = self._by_slopes(window, share, steps + turned, triangular=triangular)
+            by_stamps = np.fmin(by_stamps, by_slopes)
+            by_stamps_of_frame = np.fmin(by_stamps_of_frame, by_slopes + of_frame)
         return Average(
             mean=both[:, :3],
             length=both[:, 3],
-            turn=between(4, self._steady) + noise + both[:, 7],
+            turn=between(4, self._steady) + noise + by_stamps,
             rounding=rounding,
             rising=rising[:, 3],
             falling=falling[:, 3],
             swept=swept,
             spanned=spanned,
-            by_stamps=both[:, 7],
+            by_stamps=by_stamps,
+            by_stamps_of_frame=by_stamps_of_frame,
             lost=lost,
             pieces=pieces,
         )
+
+    def _by_slopes(
+        self, window: Window, share: FloatArray, counted: FloatArray, *, triangular: bool
+    ) -> tuple[FloatArray, FloatArray]:
+        """What offsets of stamps do to means, (18.60): in the carried frame, and because that is off."""
+        assert self._offset_once is not None
+        rising, falling = weighted(self._offset_once, self._offset_twice if triangular else None, window)
+        both = rising + falling
+        by_slopes = self._common * lengths_of(both[:, :3]) + lengths_of(both[:, 3:6]) + both[:, 6]
+        # Six sums of slopes, of which none is longer than what is across; and the frame that they are in.
+        lost = share * self._offset_once[window.stop, 7]
+        by_slopes += 4.0 * lost + share * self._offset_once[window.stop, 6] + 32.0 * _EPSILON * counted * both[:, 7]
+
+        def between(column: int, running: FloatArray) -> FloatArray:
+            return _between(window, rising[:, [7, column]], falling[:, [7, column]], running, lost)
+
+        pieces = both[:, 7] + between(11, self.frame_gaps) + lost
+        noise = self._noise(window, between(10, self.elapsed), between(9, self.turned), pieces)
+        return by_slopes, between(8, self._steady) + noise
+
+    def _noise(self, window: Window, spanned: FloatArray, swept: FloatArray, pieces: FloatArray) -> FloatArray:
+        """The mean of what noise turns the frame away between each sample and the row."""
+        at_top = window.row == window.top
+        longest = np.where(at_top, np.maximum(window.before, window.after), window.before + window.after)
+        return self._gyro.noise_angle(spanned, swept, longest + 2.0 * self.away, pieces)
+
+
+def _between(
+    window: Window, rising: FloatArray, falling: FloatArray, running: FloatArray, lost: FloatArray
+) -> FloatArray:
+    """The mean of a weight times what grows between each sample and the row: an error, an angle, or the time.
+
+    The row is at the top or at the end, so that each side of the top lies on one side of the row. Rounding is in
+    proportion to how far these have grown by the window's end.
+
+    Parameters
+    ----------
+    window : Window
+    rising, falling : (m, 2) array
+        The means, before the top and after it, of the weight, and of the weight times what has grown by then.
+    running : (n,) array
+        What has grown by each row.
+    lost : (m,) array
+        What a mean of the weight may lose by rounding.
+    """
+    at_row, at_top = running[window.row], window.row == window.top
+    before_row = at_row * rising[:, 0] - rising[:, 1]
+    after_row = falling[:, 1] - at_row * falling[:, 0]
+    difference = np.maximum(before_row + np.where(at_top, after_row, -after_row), 0.0)
+    rounded: FloatArray = difference + 3.0 * lost * running[window.stop]
+    return rounded

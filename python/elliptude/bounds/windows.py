@@ -22,7 +22,7 @@ from elliptude.bounds.samples import (
     radius_excess,
     rounded_up,
 )
-from elliptude.bounds.stamps import time_offset_angles
+from elliptude.bounds.stamps import turns_within_offset
 from elliptude.bounds.turns import lengths_of
 from elliptude.bounds.velocity import MeasuredVelocity, VelocityOfRows
 from elliptude.bounds.window_averages import Average, Piece, Place, Window, blocks
@@ -120,6 +120,7 @@ def gravity_bounds_over_windows(
     gravity: float = STANDARD_GRAVITY,
     gravity_error: float = 0.0,
     time_offset: float = 0.0,
+    time_offset_change: float = np.inf,
     at: Place = "end",
     maximum_step: float = np.inf,
     every: int = 1,
@@ -153,6 +154,9 @@ def gravity_bounds_over_windows(
         m/s².
     time_offset : float
         Bound of the accelerometer's time against the gyro's, s.
+    time_offset_change : float
+        How far those of two samples within a window may differ, s. What one offset does to all samples nearly goes
+        away in a window in which the body turns there and back, (18.60).
     at : {"end", "middle"}
         ``"end"`` uses no later sample; ``"middle"`` halves the gyro's error, for a recording or a delay of T/2.
     maximum_step : float
@@ -190,7 +194,7 @@ def gravity_bounds_over_windows(
     of_velocity = None if velocity is None else (velocity, measured)
     return _over_windows(
         times, specific_forces, angular_velocities, durations, (uniform, triangular), gyro, sensor, gravity,
-        gravity_error, time_offset, sampled, at, maximum_step, every, of_velocity,
+        gravity_error, (time_offset, time_offset_change), sampled, at, maximum_step, every, of_velocity,
         across_gaps=np.isfinite(motion.jerk),
     )  # fmt: skip
 
@@ -234,7 +238,7 @@ def field_bounds_over_windows(
 
     return _over_windows(
         times, fields, angular_velocities, durations, (constant,), gyro, sensor, strength, strength_error,
-        time_offset, sampled, at, maximum_step, every,
+        (time_offset, np.inf), sampled, at, maximum_step, every,
     )  # fmt: skip
 
 
@@ -297,7 +301,7 @@ def _over_windows(
     sensor: VectorSensorBounds,
     magnitude: float,
     magnitude_error: float,
-    time_offset: float,
+    time_offset: tuple[float, float],
     sampled: ArrayLike | None,
     at: Place,
     maximum_step: float,
@@ -321,13 +325,13 @@ def _over_windows(
         raise ValueError(f"every must be at least 1, not {every}")
     in_gaps = replace(gyro, longest_interval=min(gyro.longest_interval, maximum_step))
     own = _own_stamps(sampled, stamps, rows)
-    turned_by_offset = time_offset_angles(stamps, rates, time_offset, gyro=in_gaps, vectors=rows, sampled=own)
+    turns = turns_within_offset(stamps, rates, rows, own, *time_offset, in_gaps)
     # Rows of the gyro, gaps between them, and rows among them with a sample.
     of_gyro = np.flatnonzero(~np.isnan(rates).any(axis=1))
     gaps = (np.diff(of_gyro) > 1) | (np.diff(stamps[of_gyro]) > maximum_step)
-    measured = np.flatnonzero(~(np.isnan(rows).any(axis=1) | np.isnan(turned_by_offset))[of_gyro])
+    measured = np.flatnonzero(~(np.isnan(rows).any(axis=1) | np.isnan(turns.angles))[of_gyro])
     samples = of_gyro[measured]
-    known = None if of_velocity is None else of_velocity[0].at_rows(own[samples], at, time_offset)
+    known = None if of_velocity is None else of_velocity[0].at_rows(own[samples], at, time_offset[0])
 
     best = _Best(count, magnitude - magnitude_error, magnitude + magnitude_error)
     errors = _Errors.of(sensor)
@@ -339,7 +343,7 @@ def _over_windows(
         frame = CarriedFrame(stamps[carrying], rates[carrying], gaps[first : stop - 1], gyro, stamps[0])
         there = samples[needed]
         piece = Piece(
-            frame, measured[needed] - first, own[there], rows[there], turned_by_offset[there], gyro,
+            frame, measured[needed] - first, own[there], rows[there], turns.take(there), gyro,
             away=float(np.abs(own - stamps)[there].max()), across_gaps=across_gaps,
         )  # fmt: skip
         reach = 0.5 * max(durations)
@@ -359,8 +363,8 @@ def _over_windows(
                     is_near = np.maximum(window.before, window.after) <= reach * (1.0 + 1e-6)
                     worth = np.flatnonzero(is_near & (others + average.by_stamps < np.fmin(best.radii[wanted], radius)))
                     for some in np.array_split(worth, -(-len(worth) // _AT_ONCE)) if len(worth) else ():
-                        turns = matrix.turns(window, average, some, triangular=i > 0)
-                        radius[some] = np.fmin(radius[some], turns + others[some])
+                        by_turns = matrix.turns(window, average, some, triangular=i > 0)
+                        radius[some] = np.fmin(radius[some], by_turns + others[some])
                 best.take(wanted, window, average, radius)
         # From the common frame to the body axes of each row.
         best.means[wanted] = np.einsum("nji,nj->ni", piece.attitudes[here], best.means[wanted])

@@ -125,6 +125,13 @@ class AccelerometerRule(Model):
     averaged_over_s: Size = AVERAGED_OVER_S
     scale_error: Fraction
     time_offset_bound_s: Size
+    # How far the offsets of two samples of a window differ at most. Any that the bound allows if it is not stated.
+    time_offset_change_s: Size | None = None
+
+    @property
+    def time_offset_change(self) -> float:
+        """That, s; infinite if it is not stated."""
+        return np.inf if self.time_offset_change_s is None else self.time_offset_change_s
 
     def sensor(self) -> VectorSensorBounds:
         """In SI units."""
@@ -380,8 +387,7 @@ def apply_rule(
     gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest_interval)
     rest = rest_at_start(rule.rest, stamps, rates, forces, gyro)
     bias = mean_over_time(stamps[rest], rates[rest])
-    rates = rates - bias
-    gyro = after_rest(gyro, stamps[rest])
+    rates, gyro = rates - bias, after_rest(gyro, stamps[rest])
     step = min(10.0 * float(np.median(np.diff(stamps))), longest_interval)
     _up_at_rest(rule, forces_at[rest], forces[rest])
 
@@ -397,6 +403,7 @@ def apply_rule(
             gravity=accelerometer.gravity_m_per_s2,
             gravity_error=accelerometer.gravity_error_m_per_s2,
             time_offset=accelerometer.time_offset_bound_s,
+            time_offset_change=accelerometer.time_offset_change,
             at=rule.motion.row_at,
             maximum_step=step,
             every=every,

@@ -180,6 +180,8 @@ class VelocityWindowBound(Model):
     acceleration_m_per_s2: Size | None = None
     # How fast the acceleration changes at most, but for a part no larger than a sample's error: for lost samples.
     largest_jerk_m_per_s3: PositiveSize | None = None
+    # How far the offsets in time of two samples of a window differ at most. If not stated, any within their bound.
+    time_offset_change_s: Size | None = None
     gravity_error_m_per_s2: Size = 0.0
     at: Literal["end", "middle"] = "end"
 

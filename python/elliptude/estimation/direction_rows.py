@@ -357,6 +357,7 @@ def _over_windows(
         gravity=sensor.gravity_m_per_s2,
         gravity_error=bound.gravity_error_m_per_s2,
         time_offset=offset,
+        time_offset_change=known(bound.time_offset_change_s),
         at=bound.at,
         maximum_step=min(_LONGEST_STEP * float(np.median(np.diff(times))), gyro.longest_interval),
         velocity=velocity,

@@ -489,6 +489,7 @@ def _bound_accelerometer(
         bound: Tables = {"kind": "velocity_window"}
         keys = ("velocity_m_per_s", "position_m", "largest_jerk_m_per_s3", "windows_s")
         numbers = _rule_numbers(table, "motion", *keys) | gravity_error
+        numbers |= _rule_numbers(table, "accelerometer", "time_offset_change_s")
         numbers["at"] = table["motion"]["row_at"].value, table["motion"]["row_at"].how
     else:
         # Windows need the accelerometer's samples at the gyro's stamps, and rates on lines.

@@ -5,6 +5,7 @@ import pytest
 from elliptude.bounds.carried_frame import CarriedFrame
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.one_matrix import OneMatrix, cell_length, nuclear_norms
+from elliptude.bounds.stamps import OffsetTurns
 from elliptude.bounds.window_averages import Piece, weighted
 from elliptude.bounds.windows import MotionBounds, field_bounds_over_windows, gravity_bounds_over_windows
 from inputs import angle_between
@@ -41,7 +42,7 @@ def true_attitudes(times, rates, matrix, added=0.0):
 
 def parts(times, rates, gyro, duration, vectors):
     frame = CarriedFrame(times, rates, np.zeros(len(times) - 1, dtype=bool), gyro, times[0])
-    piece = Piece(frame, np.arange(len(times)), times, vectors, np.zeros(len(times)), gyro)
+    piece = Piece(frame, np.arange(len(times)), times, vectors, OffsetTurns.any_way(np.zeros(len(times))), gyro)
     matrix = OneMatrix(piece, gyro, 0.5 * duration, cell_length(duration))
     return piece, matrix
 

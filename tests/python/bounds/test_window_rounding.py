@@ -7,6 +7,7 @@ import pytest
 from elliptude.bounds import window_averages
 from elliptude.bounds.carried_frame import CarriedFrame
 from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.stamps import OffsetTurns
 from elliptude.bounds.turns import running_integral
 from elliptude.bounds.window_averages import Piece
 from elliptude.bounds.windows import MotionBounds, field_bounds_over_windows, gravity_bounds_over_windows
@@ -102,7 +103,7 @@ def test_running_sums_are_within_what_is_said_of_their_rounding(monkeypatch, gyr
     vectors[:, 0] += 0.3 * np.sin(times)
     offsets = np.full(len(times), 1e-3 * part)
     frame = CarriedFrame(times, rates, np.zeros(len(times) - 1, dtype=bool), gyro, times[0])
-    piece = Piece(frame, np.arange(len(times)), times, vectors, offsets, gyro)
+    piece = Piece(frame, np.arange(len(times)), times, vectors, OffsetTurns.any_way(offsets), gyro)
     exact = copy.copy(piece)
     stamps, speeds = times.astype(EXACT), np.sqrt((rates.astype(EXACT) ** 2).sum(axis=1))
     exact.elapsed = stamps - stamps[0]
@@ -130,3 +131,48 @@ def test_running_sums_are_within_what_is_said_of_their_rounding(monkeypatch, gyr
                 np.testing.assert_allclose(found.turn, right.turn.astype(np.float64), rtol=0.01, atol=0.01)
                 lost.append(float(off.max()))
     assert max(lost) > 0.0
+
+
+@pytest.mark.parametrize("at", ["end", "middle"])
+@pytest.mark.parametrize("rate", [[0.3, -0.5, 0.2], [3e5, -5e5, 2e5]])
+def test_sums_of_slopes_are_within_what_is_said_of_their_rounding(monkeypatch, rate, at):
+    """What offsets of stamps do, (18.60), against the same sums in extended precision."""
+    times, rates, vectors, attitudes = recorded(20_000, 2.0**-8, rate, [0.2, -0.1, G])
+    count, gyro, draws = len(times), GyroBounds(0.1, bias=0.02), np.random.default_rng(4)
+    slopes = draws.uniform(-1.0, 1.0, (count, 3))
+    known, lengths = draws.uniform(-0.01, 0.01, count), np.sqrt((vectors.astype(EXACT) ** 2).sum(axis=1))
+    # Of slopes of at most √3, within 0.02 s.
+    across = 0.02 * np.sqrt(3.0) / np.sqrt((vectors**2).sum(axis=1))
+    offsets = OffsetTurns(np.ones(count), slopes, known, 0.01, across, 0.3 * across)
+    frame = CarriedFrame(times, rates, np.zeros(count - 1, dtype=bool), gyro, times[0])
+    piece = Piece(frame, np.arange(count), times, vectors, offsets, gyro)
+    exact = copy.copy(piece)
+    stamps, speeds = times.astype(EXACT), np.sqrt((rates.astype(EXACT) ** 2).sum(axis=1))
+    exact.elapsed = stamps - stamps[0]
+    exact._steady = running_integral(stamps, gyro.steady_error(speeds, stamps - stamps[0]))
+    exact.turned = running_integral(stamps, speeds)
+    in_frame = np.einsum("nij,nj->ni", attitudes, slopes.astype(EXACT))
+    weights = lengths * across
+    running = [np.ones_like(stamps), exact._steady, exact.turned, exact.elapsed, np.zeros_like(stamps)]
+    columns = [in_frame, known[:, None] * in_frame, 0.3 * weights, *(weights * one for one in running)]
+    exact._offset_once = running_integral(stamps, np.column_stack(columns))
+    exact._offset_twice = running_integral(stamps, exact._offset_once)
+    rows = np.arange(400, 19_600, 37)
+    for duration in (0.05, 2.5):
+        window = piece.window(rows, duration, at)
+        span = window.before + window.after
+        turned_in = piece.turned[window.stop] - piece.turned[window.start]
+        for triangular in (False, True):
+            counted = (window.stop - window.start + 1) + turned_in
+            steps = window.stop - window.start
+            share = np.finfo(np.float64).eps * (steps + 20.0) / span
+            if triangular:
+                halves = piece.elapsed[window.stop] / np.minimum(window.before, window.after)
+                share = np.finfo(np.float64).eps * (steps + 30.0 + (steps + 2.0) * halves) / span
+            found = piece._by_slopes(window, share, counted, triangular=triangular)
+            with monkeypatch.context() as patch:
+                patch.setattr(window_averages, "_EPSILON", 0.0)
+                right = exact._by_slopes(window, 0.0 * share, counted, triangular=triangular)
+            for one, other in zip(found, right, strict=True):
+                assert (one >= other).all()
+                np.testing.assert_allclose(one, other.astype(np.float64), rtol=0.01)
