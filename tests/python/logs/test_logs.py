@@ -358,15 +358,19 @@ ORBIT = {"kind": "gravity_gradient", "orbit_rate_rad_per_s": 0.01}
 
 
 @pytest.mark.parametrize("potential", [ORBIT, TURNING, {"kind": "sum", "potentials": [{"kind": "free"}, ORBIT]}])
-def test_a_potential_that_turns_has_the_time_of_the_file(tmp_path, potential):
-    """A sun and a phase of rest have it, too: times that count from another second would be of another direction."""
+def test_a_potential_that_turns_says_which_time_it_is_stated_for(tmp_path, potential):
+    """Of another second of the file it would be another; nobody means 1970."""
     flow = {"kind": "rigid_body", "inertia_kg_m2": [1.0, 1.0, 1.0], "step_s": 0.1, "potential": potential}
+    first = {"timing": {"origin": "first"}}
     rows = ["37.5,0,0,0,1,0,0,1,0,0", "38,0,0,0,1,0,0,1,0,0"]
     assert read(tmp_path, *rows, configuration=configured(UP, flow=flow)).origin == 0
-    with pytest.raises(FileError, match=r"flow.potential: .* count from 37 s of the file"):
-        read(tmp_path, *rows, configuration=configured(UP, flow=flow, timing={"origin": "first"}))
-    still = flow | {"potential": TURNING | {"turn_rad_per_s": [0.0, 0.0, 0.0]}}
-    assert read(tmp_path, *rows, configuration=configured(UP, flow=still, timing={"origin": "first"})).origin == 37
+    with pytest.raises(FileError, match=r"flow.potential: .* count from 37 s of the file .* stated_at_s"):
+        read(tmp_path, *rows, configuration=configured(UP, flow=flow, **first))
+    one = potential.get("potentials", [potential])[-1]
+    stated = {"potentials": [one | {"stated_at_s": 0.0}]} if "potentials" in potential else {"stated_at_s": 0.0}
+    for kept in (potential | stated, TURNING | {"turn_rad_per_s": [0.0, 0.0, 0.0]}):
+        log = read(tmp_path, *rows, configuration=configured(UP, flow=flow | {"potential": kept}, **first))
+        assert log.origin == 37
 
 
 GOOD = "0,0,0,0,1,0,0,1,0,0"

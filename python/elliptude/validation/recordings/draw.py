@@ -133,6 +133,8 @@ class Draw:
         step = min(10.0 ** draws.uniform(-1.8, -0.3) / max(turns, 1e-6), 200.0 * body.flow.step_s)
         step = max(float(f"{step:.3g}"), 1e-4)
         begin = float(draws.choice([0.0, 0.0, 37.5]))
+        if self.stated.configuration.timing.origin == "first":
+            begin += float(draws.choice([0.0, 86_400.0]))
         lasts = step * int(draws.integers(30, 200))
         pad = self.more + 2.0 * step
         grid = begin - pad + step * np.arange(math.ceil((lasts + 2.0 * pad) / step))
