@@ -229,13 +229,21 @@ def _magnetometer(of: Drawn, *, with_up: bool) -> Tables:
     if of.maybe(0.3):
         sensor |= {"time_column": "tm", "time_unit": of.one("s", "ms"), "delay_s": of.one(0.0, 0.02)}
     by_angle = of.maybe(0.2)
-    kind = of.one("stated", "stated", "rest_by_up", "rest_by_attitude")
+    kind = of.one("stated", "stated", "world_model", "rest_by_up", "rest_by_attitude")
     if kind == "rest_by_up" and not with_up:
         kind = "rest_by_attitude"
     if kind == "stated":
         sensor["reference_ut"] = of.one([1.0, 20.0, -43.0], [5.0, 1.0, 44.0], [-10.0, 30.0, 2.0])
         if of.maybe(0.3):
             sensor["reference_error_deg"] = of.among(0.1, 3.0)
+    elif kind == "world_model":
+        sensor["reference"] = {
+            "kind": kind,
+            "latitude_deg": float(of.draws.uniform(-85.0, 85.0)),
+            "longitude_deg": float(of.draws.uniform(-180.0, 180.0)),
+            "height_m": of.one(0.0, 8000.0, 5e5),
+            "date": datetime(int(of.draws.integers(1990, 2030)), int(of.draws.integers(1, 13)), 17, tzinfo=UTC),
+        }
     else:
         phase: Tables = {"kind": "rest_phase", "from_s": 0.5, "to_s": of.one(1.5, 3.0)}
         if kind == "rest_by_up":
@@ -249,7 +257,7 @@ def _magnetometer(of: Drawn, *, with_up: bool) -> Tables:
         return sensor | {"bound_deg": of.among(0.1, 20.0)}
     sensor["sensor_error"] = error_of(of, "ut", (1e-2, 3.0))
     sensor["bound_from"] = {"kind": "field", "disturbance_ut": of.size(1e-2, 8.0, 0.6)}
-    if kind == "stated":
+    if kind in ("stated", "world_model"):
         sensor["bound_from"]["strength_error_ut"] = of.size(0.1, 2.0)
     if of.maybe(0.1):
         sensor |= {"unit": "normalized", "unit_ut": 20.0}

@@ -17,7 +17,7 @@ from elliptude.io.toml import validate
 from elliptude.logs import channels
 from elliptude.validation.recordings.drawing import draw_recording
 from elliptude.validation.recordings.trials import RecordingArguments, keep, try_recording
-from elliptude.validation.recordings.tumbling import Inputs, RigidMotion, Tumbling
+from elliptude.validation.recordings.truth.tumbling import Inputs, RigidMotion, Tumbling
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from drawn_recordings import FIXED, GUARANTEED, STAR, faults, require_noticed, smaller
 from elliptude.configuration import configuration as configurations
-from elliptude.configuration import rules
+from elliptude.configuration import references, rules
 from elliptude.configuration.calibration import AccelerometerCalibration, GyroCalibration, MagnetometerCalibration
 from elliptude.configuration.configuration import Configuration
 from elliptude.estimation import direction_rows, guaranteed_run
@@ -56,6 +56,12 @@ def force(bound=STEADY, **left):
 
 def field(**left):
     return configured({}, FIELD, FIXED, calibration=calibrated(FIELD, **left))
+
+
+def by_world_model():
+    place = {"latitude_deg": -33.0, "longitude_deg": 151.0, "height_m": 300.0, "date": "2024-02-01T00:00:00Z"}
+    exact = {key: one for key, one in FIELD.items() if key != "reference_ut"} | {"sensor_error": {"error_ut": 1e-9}}
+    return configured({}, exact | {"reference": {"kind": "world_model"} | place}, FIXED | {"bound_deg": 1e-5}, STAR)
 
 
 def ruled(of_gyro, **left):
@@ -170,7 +176,23 @@ def samples_with_less_error(monkeypatch):
     monkeypatch.setattr(Configuration, "sensor_bounds", bounds)
 
 
+def field_of_a_sphere(monkeypatch):
+    """Let the Earth be round: of a latitude that is up to 0.2° off, the field up to 0.3°."""
+    monkeypatch.setattr(references, "_POLE", references._EQUATOR)
+
+
+def field_of_the_next_year(monkeypatch):
+    whole = references.world_model_field
+    monkeypatch.setattr(
+        references,
+        "world_model_field",
+        lambda model, frame: whole(model.model_copy(update={"date": model.date.replace(year=2025)}), frame),
+    )
+
+
 WEAKENED = {
+    "the Earth's field on the ellipsoid": (field_of_a_sphere, lambda: by_world_model()),
+    "the date of the Earth's field": (field_of_the_next_year, lambda: by_world_model()),
     "an accelerometer's offset": (lambda m: smaller(m, AccelerometerCalibration, "offset", 0.99), force),
     "a magnetometer's offset": (lambda m: smaller(m, MagnetometerCalibration, "offset", 0.99), field),
     "a calibration's matrix": (matrix_the_wrong_way, force),

@@ -9,7 +9,7 @@ from elliptude.typing import FloatArray
 from elliptude.validation.recordings import gyro_errors, vector_errors
 from elliptude.validation.recordings.gyro_errors import AT_BOUND
 from elliptude.validation.recordings.statements import Stated, StatedBody
-from elliptude.validation.recordings.tumbling import RigidMotion
+from elliptude.validation.recordings.truth.tumbling import RigidMotion
 
 _MOST_ROWS = 3000
 TORQUES = (

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from elliptude.bounds.rest import mean_over_time
 from elliptude.typing import FloatArray
 from elliptude.validation.recordings.statements import Stated, StatedGyro, StatedRest
-from elliptude.validation.recordings.turning import Turning, share_of_noise_turn
+from elliptude.validation.recordings.truth.turning import Turning, share_of_noise_turn
 
 # Within this share of a bound an error is at it: what is left covers the rounding of what was drawn.
 AT_BOUND = 1.0 - 1e-9

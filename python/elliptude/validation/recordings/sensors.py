@@ -25,8 +25,9 @@ from elliptude.validation.recordings import gyro_errors, vector_errors
 from elliptude.validation.recordings.draw import Draw, own_stamps
 from elliptude.validation.recordings.gyro_errors import AT_BOUND, unit_vector
 from elliptude.validation.recordings.statements import StatedRest, added_to, radius_of, tesla_of
-from elliptude.validation.recordings.tumbling import Tumbling
-from elliptude.validation.recordings.turning import Turning
+from elliptude.validation.recordings.truth.earths_field import field_of
+from elliptude.validation.recordings.truth.tumbling import Tumbling
+from elliptude.validation.recordings.truth.turning import Turning
 
 # rad; directions that scatter less do not count as turning in a rest.
 _STILL = math.radians(8.0)
@@ -198,7 +199,7 @@ def true_field(of: Draw, sensor: Magnetometer) -> FloatArray:
     if sensor.reference_ut is not None:
         field_ut = np.asarray(sensor.reference_ut, dtype=np.float64)
     elif isinstance(sensor.reference, WorldModel):
-        field_ut = references.world_model_field(sensor.reference, configuration.reference_frame) / units.FIELD["uT"]
+        field_ut = field_of(sensor.reference, configuration.reference_frame or "ENU")
     else:
         dip, strength = math.radians(draws.uniform(-75.0, 75.0)), draws.uniform(22.0, 65.0)
         horizontal, up = strength * math.cos(dip), -strength * math.sin(dip)
