@@ -7,7 +7,6 @@ what is left is then nearly attained, so that a term that is missing in a bound 
 """
 
 import argparse
-import math
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -16,40 +15,16 @@ import numpy as np
 import tomlkit
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.rules import rule_for
+from elliptude.io.files import FileError
 from elliptude.io.toml import validate
 from elliptude.validation.recordings.judging import Verdict
 from elliptude.validation.recordings.trials import RecordingArguments, try_recording
+from random_bodies import draw_body
+from random_calibrations import draw_calibration
+from random_draws import SMALLEST, Drawn, Tables, error_of, estimator, sensor_of, tracker
 
-Tables = dict[str, Any]
 # How many configurations of a seed have recordings of their own.
 _MOST = 100_000
-# Of a sensor's sample, m/s² or µT: with an error of zero the rounding of a file's numbers is a contradiction.
-_SMALLEST = 1e-9
-
-
-class _Drawn:
-    """Numbers of a configuration."""
-
-    def __init__(self, draws: np.random.Generator) -> None:
-        self.draws = draws
-        # How likely it is that an error is stated as something.
-        self.share = float(draws.choice([0.15, 0.3, 0.7]))
-
-    def maybe(self, chance: float | None = None) -> bool:
-        """Whether something is stated."""
-        return bool(self.draws.random() < (self.share if chance is None else chance))
-
-    def size(self, least: float, most: float, chance: float | None = None) -> float:
-        """A number of any size between these, or 0."""
-        return self.among(least, most) if self.maybe(chance) else 0.0
-
-    def among(self, least: float, most: float) -> float:
-        """A number of any size between these."""
-        return float(f"{math.exp(self.draws.uniform(math.log(least), math.log(most))):.4g}")
-
-    def one(self, *values: Any) -> Any:
-        """One of some values."""
-        return values[int(self.draws.integers(len(values)))]
 
 
 def draw_configuration(seed: Any) -> Tables:
@@ -64,31 +39,17 @@ def draw_configuration(seed: Any) -> Tables:
     dict
         It may state what a configuration refuses; then there is nothing to try.
     """
-    of = _Drawn(np.random.default_rng(seed))
-    if of.maybe(0.3):
-        return _ruled(of)
-    return _stated(of)
+    of = Drawn(np.random.default_rng(seed))
+    kind = of.one("a rule", "a rule", "a rule", "a body", "a body", *["a gyro"] * 5)
+    if kind == "a body":
+        return draw_body(of)
+    tables = _ruled(of) if kind == "a rule" else _stated(of)
+    if of.maybe(0.3) and (calibration := draw_calibration(of, tables)):
+        tables["calibration"] = calibration
+    return tables
 
 
-def _estimator(of: _Drawn, *, has_rule: bool) -> Tables:
-    policies = ["raise", "drop_measurement", "drop_measurement", "restart"]
-    table: Tables = {
-        "mode": "guaranteed",
-        "policy": of.one(*policies),
-        "criterion": of.one("volume", "trace"),
-        "best": of.one("center", "center", "vqf") if has_rule else "center",
-    }
-    if of.maybe(0.3):
-        table["questions"] = ["reference_turns", "body_turns", "attitude"]
-    return table
-
-
-def _sensor(name: str, kind: str, letter: str) -> Tables:
-    units = {"accelerometer": "m/s^2", "magnetometer": "uT"}
-    return {"name": name, "kind": kind, "columns": [f"{letter}{axis}" for axis in "xyz"], "unit": units[kind]}
-
-
-def _ruled(of: _Drawn) -> Tables:
+def _ruled(of: Drawn) -> Tables:
     """A configuration with a rule: one that comes with the package, or one with errors that are mostly none."""
     rule = rule_for(of.one("hand", "hand", "person", "drone", "car", "boat")).model_dump(mode="json", exclude_none=True)
     if of.maybe(0.7):
@@ -99,19 +60,19 @@ def _ruled(of: _Drawn) -> Tables:
     stated = {"kind": "stated"} | rule
     if of.maybe(0.6):
         stated["anchor_s"] = of.one(0.3, 1.0, 4.0)
-    directions = [_sensor("up", "accelerometer", "a")]
+    directions = [sensor_of("up", "accelerometer", "a")]
     if with_field:
-        directions.append(_sensor("field", "magnetometer", "m"))
+        directions.append(sensor_of("field", "magnetometer", "m"))
     return {
         "time_column": "t",
         "rule": stated,
         "flow": {"kind": "gyro", "columns": ["gx", "gy", "gz"], "unit": of.one("rad/s", "deg/s")},
         "directions": directions,
-        "estimator": _estimator(of, has_rule=True),
+        "estimator": estimator(of, has_rule=True),
     }
 
 
-def _changed_rule(of: _Drawn, rule: Tables) -> Tables:
+def _changed_rule(of: Drawn, rule: Tables) -> Tables:
     gyro = rule["gyro"]
     for key in ("noise_deg_per_s", "bias_deg_per_s", "scale_error"):
         gyro[key] = gyro[key] if of.maybe() else 0.0
@@ -126,7 +87,7 @@ def _changed_rule(of: _Drawn, rule: Tables) -> Tables:
         ("magnetometer", ("disturbance_ut", "error_ut", "averaged_error_ut", "scale_error")),
     ):
         for key in keys:
-            rule[name][key] = rule[name][key] if of.maybe() else _SMALLEST if key.startswith("error_") else 0.0
+            rule[name][key] = rule[name][key] if of.maybe() else SMALLEST if key.startswith("error_") else 0.0
         rule[name]["time_offset_bound_s"] = of.size(1e-3, 0.03)
         errors = "error_m_per_s2" if name == "accelerometer" else "error_ut"
         rule[name][f"averaged_{errors}"] = min(rule[name][f"averaged_{errors}"], rule[name][errors])
@@ -142,7 +103,7 @@ def _changed_rule(of: _Drawn, rule: Tables) -> Tables:
     return rule
 
 
-def _stated(of: _Drawn) -> Tables:
+def _stated(of: Drawn) -> Tables:
     """A configuration in which every sensor states its own bounds."""
     tables: Tables = {"time_column": "t", "reference_frame": of.one("ENU", "NED", "NWU"), "flow": _gyro(of)}
     directions, with_up = [], of.maybe(0.85)
@@ -151,9 +112,9 @@ def _stated(of: _Drawn) -> Tables:
     if of.maybe(0.75):
         directions.append(_magnetometer(of, with_up=with_up))
     for i in range(int(of.one(0, 1, 2)) if directions else 2):
-        directions.append(_tracker(of, i))
+        directions.append(tracker(of, i))
     tables["directions"] = directions
-    tables["estimator"] = _estimator(of, has_rule=False)
+    tables["estimator"] = estimator(of, has_rule=False)
     references = [sensor["reference"] for sensor in directions if isinstance(sensor.get("reference"), dict)]
     if not any("declination_deg" in one for one in references) and of.maybe(0.15):
         tables["estimator"] |= {"policy": "relaxed", "most_wrong": 1}
@@ -169,7 +130,7 @@ def _stated(of: _Drawn) -> Tables:
     return tables
 
 
-def _gyro(of: _Drawn) -> Tables:
+def _gyro(of: Drawn) -> Tables:
     flow: Tables = {
         "kind": "gyro",
         "columns": ["gx", "gy", "gz"],
@@ -207,19 +168,9 @@ def _gyro(of: _Drawn) -> Tables:
     return flow
 
 
-def _error_of(of: _Drawn, unit: str, sizes: tuple[float, float], chance: float | None = None) -> Tables:
-    error: Tables = {f"error_{unit}": of.size(*sizes, chance) or _SMALLEST}
-    if of.maybe(0.5):
-        error[f"averaged_error_{unit}"] = float(f"{error[f'error_{unit}'] * of.one(0.0, 0.1, 0.3, 1.0):.4g}")
-        error["averaged_over_s"] = of.one(0.1, 0.5, 2.0)
-    error["scale_error"] = of.size(1e-3, 0.1)
-    error["misalignment_deg"] = of.size(0.01, 3.0)
-    return error
-
-
-def _accelerometer(of: _Drawn, tables: Tables) -> Tables:
+def _accelerometer(of: Drawn, tables: Tables) -> Tables:
     flow = tables["flow"]
-    sensor = _sensor("up", "accelerometer", "a")
+    sensor = sensor_of("up", "accelerometer", "a")
     sensor["unit"] = of.one("m/s^2", "g")
     kind = of.one("velocity_window", "velocity_window", "acceleration", "angle")
     if kind == "velocity_window" and flow["interval_rate"] != "mean_of_ends":
@@ -234,7 +185,7 @@ def _accelerometer(of: _Drawn, tables: Tables) -> Tables:
         sensor["at_rest"] = "down"
     if kind == "angle":
         return sensor | {"bound_deg": of.among(0.1, 40.0)}
-    sensor["sensor_error"] = _error_of(of, "m_per_s2", (1e-3, 0.5))
+    sensor["sensor_error"] = error_of(of, "m_per_s2", (1e-3, 0.5))
     bound: Tables = {"kind": kind, "gravity_error_m_per_s2": of.size(1e-3, 0.05)}
     if kind == "acceleration":
         bound["acceleration_m_per_s2"] = of.size(1e-2, 5.0, 0.7)
@@ -258,7 +209,7 @@ def _accelerometer(of: _Drawn, tables: Tables) -> Tables:
     return sensor | {"bound_from": bound}
 
 
-def _velocity(of: _Drawn) -> Tables:
+def _velocity(of: Drawn) -> Tables:
     velocity: Tables = {
         "columns": ["vn", "ve", "vd"],
         "error_m_per_s": of.size(1e-3, 1.0, 0.6),
@@ -270,21 +221,29 @@ def _velocity(of: _Drawn) -> Tables:
     return velocity
 
 
-def _magnetometer(of: _Drawn, *, with_up: bool) -> Tables:
-    sensor = _sensor("field", "magnetometer", "m")
+def _magnetometer(of: Drawn, *, with_up: bool) -> Tables:
+    sensor = sensor_of("field", "magnetometer", "m")
     sensor["unit"] = of.one("uT", "G", "T")
     if of.maybe(0.3):
         sensor["time_offset_bound_s"] = of.among(1e-4, 0.05)
     if of.maybe(0.3):
         sensor |= {"time_column": "tm", "time_unit": of.one("s", "ms"), "delay_s": of.one(0.0, 0.02)}
     by_angle = of.maybe(0.2)
-    kind = of.one("stated", "stated", "rest_by_up", "rest_by_attitude")
+    kind = of.one("stated", "stated", "world_model", "rest_by_up", "rest_by_attitude")
     if kind == "rest_by_up" and not with_up:
         kind = "rest_by_attitude"
     if kind == "stated":
         sensor["reference_ut"] = of.one([1.0, 20.0, -43.0], [5.0, 1.0, 44.0], [-10.0, 30.0, 2.0])
         if of.maybe(0.3):
             sensor["reference_error_deg"] = of.among(0.1, 3.0)
+    elif kind == "world_model":
+        sensor["reference"] = {
+            "kind": kind,
+            "latitude_deg": float(of.draws.uniform(-85.0, 85.0)),
+            "longitude_deg": float(of.draws.uniform(-180.0, 180.0)),
+            "height_m": of.one(0.0, 8000.0, 5e5),
+            "date": datetime(int(of.draws.integers(1990, 2030)), int(of.draws.integers(1, 13)), 17, tzinfo=UTC),
+        }
     else:
         phase: Tables = {"kind": "rest_phase", "from_s": 0.5, "to_s": of.one(1.5, 3.0)}
         if kind == "rest_by_up":
@@ -296,35 +255,12 @@ def _magnetometer(of: _Drawn, *, with_up: bool) -> Tables:
         sensor["alignment_error_deg"] = of.among(0.01, 1.0)
     if by_angle:
         return sensor | {"bound_deg": of.among(0.1, 20.0)}
-    sensor["sensor_error"] = _error_of(of, "ut", (1e-2, 3.0))
+    sensor["sensor_error"] = error_of(of, "ut", (1e-2, 3.0))
     sensor["bound_from"] = {"kind": "field", "disturbance_ut": of.size(1e-2, 8.0, 0.6)}
-    if kind == "stated":
+    if kind in ("stated", "world_model"):
         sensor["bound_from"]["strength_error_ut"] = of.size(0.1, 2.0)
     if of.maybe(0.1):
         sensor |= {"unit": "normalized", "unit_ut": 20.0}
-    return sensor
-
-
-def _tracker(of: _Drawn, number: int) -> Tables:
-    letter = "pqr"[number]
-    sensor: Tables = {"name": f"star{number}", "columns": [f"{letter}{axis}" for axis in "xyz"]}
-    sensor["bound_deg"] = of.among(0.01, 10.0)
-    if of.maybe(0.4):
-        sensor["time_offset_bound_s"] = of.among(1e-4, 0.05)
-    if of.maybe(0.5):
-        sensor |= {"time_column": f"t{letter}", "time_unit": of.one("s", "ms"), "delay_s": of.one(0.0, 0.07, -0.01)}
-    if of.maybe(0.3):
-        sensor["reference_columns"] = [f"{letter}r{axis}" for axis in "xyz"]
-        sensor["reference_rate_deg_per_s"] = of.size(1e-3, 5.0)
-    else:
-        sensor["reference"] = of.one([1.0, 0.2, 0.0], [0.1, -0.5, 2.0], [0.0, 1.0, 0.3])
-    if of.maybe(0.2):
-        sensor["reference_error_deg"] = of.among(0.01, 1.0)
-    if of.maybe(0.2):
-        sensor["alignment_error_deg"] = of.among(0.01, 1.0)
-    if not {"reference_error_deg", "alignment_error_deg"} & sensor.keys() and of.maybe(0.2):
-        square = math.radians(sensor.pop("bound_deg")) ** 2
-        sensor["bound_rad2"] = [[square, 0.0, 0.0], [0.0, 0.25 * square, 0.0], [0.0, 0.0, square]]
     return sensor
 
 
@@ -333,6 +269,7 @@ class _Found:
 
     def __init__(self) -> None:
         self.rows = self.unconditional = self.implausible = self.faults = 0
+        self.not_drawn: list[str] = []
         self.largest: dict[str, tuple[float, int, int]] = {}
 
     def add(self, number: int, trial: int, verdict: Verdict) -> None:
@@ -348,8 +285,9 @@ class _Found:
         """Print the counts, and where the truth came nearest to the end of each answer."""
         print(
             f"{self.rows} rows, {self.unconditional} unconditional, {self.implausible} recordings implausible; "
-            f"{self.faults} faults"
+            f"{self.faults} faults; {len(self.not_drawn)} recordings could not be drawn"
         )
+        print("".join(f"  {one}\n" for one in self.not_drawn), end="")
         for name, (share, number, trial) in self.largest.items():
             print(f"  {name:24} {share:.6f}  configuration {number}, trial {trial}")
 
@@ -361,7 +299,11 @@ def try_configuration(number: int, seed: int, trials: int, *, smooth: bool, foun
     arguments = RecordingArguments(configuration, trials, _MOST * seed + number, smooth)
     said = []
     for trial in range(trials):
-        tried = try_recording(arguments, trial)
+        try:
+            tried = try_recording(arguments, trial)
+        except FileError as error:  # nothing was found that keeps what is stated
+            found.not_drawn.append(f"configuration {number}, trial {trial}: {error}")
+            continue
         for verdict in filter(None, (tried.verdict, tried.smoothed)):
             found.add(number, trial, verdict)
             if verdict.is_fault:

@@ -93,24 +93,27 @@ class RigidBodyFlow(Model):
         self.build()
         return self
 
-    def guaranteed(self, of_wheels: float = 0.0) -> elliptude.GuaranteedRigidBodyFlow:
-        """The core's guaranteed flow; `of_wheels` is a torque, N m, that is not in the wheels' momentum."""
+    def guaranteed(self, of_wheels: float = 0.0, origin: int = 0) -> elliptude.GuaranteedRigidBodyFlow:
+        """The core's guaranteed flow, of which the file's second ``origin`` is time 0.
+
+        `of_wheels` is a torque, N m, that is not in the wheels' momentum.
+        """
         inertia = np.asarray(self.inertia_kg_m2)
         body = elliptude.RigidBody(np.diag(inertia) if inertia.ndim == 1 else inertia)
         return elliptude.GuaranteedRigidBodyFlow(
             body,
-            self.potential.build(body),
+            self.potential.build(body, origin),
             step=self.step_s,
             unknown_torque=self.unknown_torque_n_m + of_wheels or None,
             inertia_error=self.inertia_error_kg_m2,
             most_steps=self.most_steps,
         )
 
-    def build(self) -> elliptude.RigidBodyFlow:
-        """The core's flow."""
+    def build(self, origin: int = 0) -> elliptude.RigidBodyFlow:
+        """The core's flow, of which the file's second ``origin`` is time 0."""
         inertia = np.asarray(self.inertia_kg_m2)
         body = elliptude.RigidBody(np.diag(inertia) if inertia.ndim == 1 else inertia)
-        potential = self.potential.build(body)
+        potential = self.potential.build(body, origin)
         unknown_torque = self.unknown_torque_n_m or None
         return elliptude.RigidBodyFlow(
             body,
@@ -213,7 +216,7 @@ class GyroFlow(Timed):
         share = 0.5 if self.interval_rate == "mean_of_ends" else 1.0
         return share * (math.radians(self.angular_acceleration_deg_per_s2) + drift) * interval
 
-    def build(self) -> elliptude.GyroFlow:
-        """The core's flow."""
+    def build(self, origin: int = 0) -> elliptude.GyroFlow:
+        """The core's flow, which no time matters to."""
         assert self.noise_deg_per_s is not None  # the configuration's check
         return elliptude.GyroFlow(math.radians(self.noise_deg_per_s), math.radians(self.drift_deg_per_s2))

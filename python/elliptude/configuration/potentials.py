@@ -1,11 +1,20 @@
 """The potentials that a configuration may name, each with the core's potential that it stands for."""
 
+import decimal
+from decimal import Decimal
 from typing import Annotated, Literal, Self, TypeAlias
 
+import numpy as np
 from pydantic import Field, model_validator
 
 import elliptude
-from elliptude.io.toml import Matrix, Model, Positive, Vector
+from elliptude.io.toml import Matrix, Model, Number, Positive, Vector
+from elliptude.typing import FloatArray
+
+_WHOLE_TURN = Decimal(
+    "6.283185307179586476925286766559005768394338798750211641949889184615632812572417997256069650684234136"
+)
+"""2π to a hundred digits, which is enough for the largest angle that a configuration may state."""
 
 
 class _Potential(Model):
@@ -14,14 +23,18 @@ class _Potential(Model):
         """Whether its torque depends on the time beside the attitude."""
         return False
 
+    def lacks_time(self, origin: int) -> bool:
+        """Whether it turns, but nothing says where it points in a log whose times count from a second of the file."""
+        return False
+
 
 class FreeBody(_Potential):
     """No torque."""
 
     kind: Literal["free"] = "free"
 
-    def build(self, body: elliptude.RigidBody) -> elliptude.Potential:
-        """The core's potential."""
+    def build(self, body: elliptude.RigidBody, origin: int = 0) -> elliptude.Potential:
+        """The core's potential, of which the file's second ``origin`` is time 0."""
         return elliptude.FreeBody()
 
 
@@ -33,12 +46,30 @@ class UniformGravity(_Potential):
     gravity_m_per_s2: Positive
     center_of_mass_m: Vector
 
-    def build(self, body: elliptude.RigidBody) -> elliptude.Potential:
-        """The core's potential."""
+    def build(self, body: elliptude.RigidBody, origin: int = 0) -> elliptude.Potential:
+        """The core's potential, of which the file's second ``origin`` is time 0."""
         return elliptude.UniformGravity(self.mass_kg, self.gravity_m_per_s2, self.center_of_mass_m)
 
 
-class GravityGradient(_Potential):
+class _Turning(_Potential):
+    stated_at_s: Annotated[Number, Field(ge=-1e10, le=1e10)] | None = None
+    """The time of the file, s, that its direction is stated for; 0 if left out, from which times must count then."""
+
+    def lacks_time(self, origin: int) -> bool:
+        """As of any potential."""
+        return self.turns and self.stated_at_s is None and origin != 0
+
+    def _turned(self, turn: Vector, origin: int) -> tuple[float, float]:
+        """Cosine and sine of how far it has turned at a second of the file; theory, section 5."""
+        with decimal.localcontext(decimal.Context(prec=160)):
+            squares = sum((Decimal(component) ** 2 for component in turn), Decimal(0))
+            angle = squares.sqrt() * (origin - Decimal(self.stated_at_s or 0.0))
+            # Of a large angle a double has no digit that counts.
+            left = float(angle.remainder_near(_WHOLE_TURN))
+        return float(np.cos(left)), float(np.sin(left))
+
+
+class GravityGradient(_Turning):
     """A spacecraft on a circular orbit; the reference frame's first two axes span it, the first points up at time 0."""
 
     kind: Literal["gravity_gradient"]
@@ -49,14 +80,16 @@ class GravityGradient(_Potential):
         """Whether its torque depends on the time beside the attitude."""
         return True
 
-    def build(self, body: elliptude.RigidBody) -> elliptude.Potential:
-        """The core's potential."""
-        return elliptude.GravityGradient(body, self.orbit_rate_rad_per_s)
+    def build(self, body: elliptude.RigidBody, origin: int = 0) -> elliptude.Potential:
+        """The core's potential, of which the file's second ``origin`` is time 0."""
+        cosine, sine = self._turned((0.0, 0.0, self.orbit_rate_rad_per_s), origin)
+        orbit = [[cosine, 0.0 - sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]
+        return elliptude.GravityGradient(body, self.orbit_rate_rad_per_s, orbit)
 
 
-class _AlongDirection(_Potential):
+class _AlongDirection(_Turning):
     direction: Vector
-    """r at time 0, reference axes, of any length."""
+    """r at time 0, or ``stated_at_s``, reference axes, of any length."""
     turn_rad_per_s: Vector = (0.0, 0.0, 0.0)
     """Its angular velocity in the reference frame, at right angles to it."""
 
@@ -70,6 +103,19 @@ class _AlongDirection(_Potential):
         elliptude.LinearPotential([0.0, 0.0, 0.0], self.direction, self.turn_rad_per_s)
         return self
 
+    def _direction_at(self, origin: int) -> FloatArray:
+        """The direction at a second of the file, of any length, shape (3,)."""
+        start, turn = np.array(self.direction), np.array(self.turn_rad_per_s)
+        cosine, sine = self._turned(self.turn_rad_per_s, origin)
+        if sine == 0.0 and cosine == 1.0:
+            return start
+        # Of numbers of any size; across the turn, as the core takes the direction.
+        axis = turn / np.abs(turn).max()
+        axis /= np.linalg.norm(axis)
+        along = np.cross(axis, start / np.abs(start).max())
+        turned: FloatArray = cosine * np.cross(along, axis) + sine * along
+        return turned
+
 
 class LinearPotential(_AlongDirection):
     """U = −p'C'r: a dipole in a field, a force at a point of a body that is held."""
@@ -78,9 +124,9 @@ class LinearPotential(_AlongDirection):
     moment_n_m: Vector
     """p, body axes."""
 
-    def build(self, body: elliptude.RigidBody) -> elliptude.Potential:
-        """The core's potential."""
-        return elliptude.LinearPotential(self.moment_n_m, self.direction, self.turn_rad_per_s)
+    def build(self, body: elliptude.RigidBody, origin: int = 0) -> elliptude.Potential:
+        """The core's potential, of which the file's second ``origin`` is time 0."""
+        return elliptude.LinearPotential(self.moment_n_m, self._direction_at(origin), self.turn_rad_per_s)
 
 
 class QuadraticPotential(_AlongDirection):
@@ -95,9 +141,9 @@ class QuadraticPotential(_AlongDirection):
         self.build(elliptude.RigidBody([1.0, 1.0, 1.0]))
         return self
 
-    def build(self, body: elliptude.RigidBody) -> elliptude.Potential:
-        """The core's potential."""
-        return elliptude.QuadraticPotential(self.matrix_n_m, self.direction, self.turn_rad_per_s)
+    def build(self, body: elliptude.RigidBody, origin: int = 0) -> elliptude.Potential:
+        """The core's potential, of which the file's second ``origin`` is time 0."""
+        return elliptude.QuadraticPotential(self.matrix_n_m, self._direction_at(origin), self.turn_rad_per_s)
 
 
 AnyTerm: TypeAlias = FreeBody | UniformGravity | GravityGradient | LinearPotential | QuadraticPotential
@@ -116,9 +162,13 @@ class SumPotential(_Potential):
         """Whether its torque depends on the time beside the attitude."""
         return any(potential.turns for potential in self.potentials)
 
-    def build(self, body: elliptude.RigidBody) -> elliptude.Potential:
-        """The core's potential."""
-        return elliptude.SumPotential([potential.build(body) for potential in self.potentials])
+    def lacks_time(self, origin: int) -> bool:
+        """As of any potential."""
+        return any(potential.lacks_time(origin) for potential in self.potentials)
+
+    def build(self, body: elliptude.RigidBody, origin: int = 0) -> elliptude.Potential:
+        """The core's potential, of which the file's second ``origin`` is time 0."""
+        return elliptude.SumPotential([potential.build(body, origin) for potential in self.potentials])
 
 
 Potential: TypeAlias = Annotated[AnyTerm | SumPotential, Field(discriminator="kind")]

@@ -19,8 +19,10 @@ _UNIX_EPOCH_JD = 2_440_587.5
 # may be wrong before 2017 the Sun moves 0.0003 degrees; the almanac formula is good to 0.01.
 _TT_MINUS_UTC_S = 69.184
 
-# A centimetre from a pole, where ppigrf divides by zero: east and north are those of the meridian that is stated.
-_NEXT_TO_POLE_DEG = 90.0 - 1e-7
+# WGS84, km.
+_EQUATOR, _POLE = 6378.137, 6378.137 * (1.0 - 1.0 / 298.257223563)
+# From a pole, at which ppigrf divides by zero: some tenth of a micrometre.
+_NEXT_TO_POLE_DEG = 1e-12
 
 # Rows are the axes of a frame in ENU.
 _AXES: dict[ReferenceFrame, FloatArray] = {
@@ -73,12 +75,27 @@ def world_model_field(model: WorldModel, frame: ReferenceFrame | None) -> FloatA
             f"the world model has no field for {date:%Y-%m-%d}: its coefficients are of {epochs[0]:%Y-%m-%d} to "
             f"{epochs[-1]:%Y-%m-%d}. Newer ones come with a newer ppigrf; else state reference_ut"
         )
-    latitude = min(max(model.latitude_deg, -_NEXT_TO_POLE_DEG), _NEXT_TO_POLE_DEG)
-    east_north_up = ppigrf.igrf(model.longitude_deg, latitude, model.height_m / 1000.0, date)
-    field = 1e-9 * np.array([np.asarray(component).item() for component in east_north_up])
+    # ppigrf's own way back from spherical coordinates to the ellipsoid is a series, good to some 1e-8 of the field.
+    place, upward = _in_meridian(model)
+    colatitude = np.rad2deg(np.arctan2(*place)).clip(_NEXT_TO_POLE_DEG, 180.0 - _NEXT_TO_POLE_DEG)
+    radial, southward, eastward = (
+        np.asarray(component).item()
+        for component in ppigrf.igrf_gc(np.hypot(*place), colatitude, model.longitude_deg, date)
+    )
+    sine, cosine = np.sin(np.deg2rad(colatitude)), np.cos(np.deg2rad(colatitude))
+    of_meridian = np.array([radial * sine + southward * cosine, radial * cosine - southward * sine])
+    field = 1e-9 * np.array([eastward, of_meridian @ [-upward[1], upward[0]], of_meridian @ upward])
     if not np.isfinite(field).all():
         raise FileError(f"the world model has no field at {model.latitude_deg:g}, {model.longitude_deg:g} degrees")
     return from_enu(field, frame)
+
+
+def _in_meridian(model: WorldModel) -> tuple[FloatArray, FloatArray]:
+    """A place in km and the unit vector up, in the plane of its meridian: from the axis, and from the equator."""
+    latitude, axes = np.deg2rad(model.latitude_deg), np.array([_EQUATOR, _POLE])
+    upward = np.array([np.cos(latitude), np.sin(latitude)])
+    below = axes**2 * upward / np.linalg.norm(axes * upward)
+    return below + 1e-3 * model.height_m * upward, upward
 
 
 def rest_field(

@@ -222,7 +222,7 @@ def _filter(log: Log, configuration: Configuration) -> elliptude.AttitudeFilter:
     """The filter at the log's first time."""
     settings = configuration.estimator
     return elliptude.AttitudeFilter(
-        configuration.flow.build(),
+        configuration.flow.build(log.origin),
         _start(log, configuration),
         time=float(log.times[0]),
         mode=settings.mode,

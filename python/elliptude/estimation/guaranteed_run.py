@@ -280,7 +280,7 @@ def _filter_input(log: Log, configuration: Configuration, rows: DirectionRows, t
             motion["wheel_momentum"] = log.wheel_momenta
         largest = flow.largest_rate_deg_per_s
         bound = None if largest is None else float(np.deg2rad(largest))
-        body = flow.guaranteed(_torque_of_wheels(log, bound))
+        body = flow.guaranteed(_torque_of_wheels(log, bound), log.origin)
         return FilterInput(log.times, body, motion, measured, names, bound)
     assert log.rates is not None
     assert rows.gyro is not None

@@ -382,13 +382,12 @@ def _origin_of_table(file: LogFile, configuration: Configuration) -> int:
 
 
 def _require_time_of(piece: Piece, file: LogFile, configuration: Configuration) -> None:
-    """Refuse times that count from another second than the file, to whose time 0 a potential that turns is stated."""
+    """Refuse times that count from another second than the file, if a potential turns and no time is stated for it."""
     flow = configuration.flow
-    if isinstance(flow, RigidBodyFlow) and flow.potential.turns and piece.origin != 0:
+    if isinstance(flow, RigidBodyFlow) and flow.potential.lacks_time(piece.origin):
         raise FileError(
-            f"{file.path}: flow.potential: its direction turns, and is stated for time 0 of the file, but times count "
-            f"from {piece.origin} s of the file (timing.origin): let the stamps in the file count from that second, "
-            "state the direction for it, and leave timing.origin out"
+            f"{file.path}: flow.potential: its direction turns, and times count from {piece.origin} s of the file "
+            "(timing.origin): stated_at_s has to say which of the file's seconds it is stated for"
         )
 
 

@@ -19,7 +19,7 @@ def configuration_tables(scenario: Scenario, simulated: Simulation) -> dict[str,
             "inertia_kg_m2": scenario.inertia,
             "step_s": scenario.step,
             "order": scenario.integrator_order,
-            "potential": scenario.potential.configured().model_dump(),
+            "potential": scenario.potential.configured().model_dump(exclude_none=True),
         },
         "directions": [
             {"name": sensor, "columns": tables.measured(sensor), "reference": reference.tolist(), "bound_deg": degrees}

@@ -14,6 +14,7 @@ from elliptude.io.readers.text import csv as csv_files
 from elliptude.logs import log as logs
 from elliptude.logs.alignment import _begin_rows
 from elliptude.simulation import fermi
+from elliptude.validation.recordings.truth.earths_field import _slope, field_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -168,6 +169,33 @@ def test_world_model():
     assert np.degrees(np.arctan2(-up, np.hypot(east, north))) == pytest.approx(68.0, abs=0.5)
     assert np.degrees(np.arctan2(east, north)) == pytest.approx(4.5, abs=0.5)
     np.testing.assert_allclose(references.world_model_field(model, "NED"), [north, east, -up], rtol=1e-15)
+
+
+@pytest.mark.parametrize("height_m", [-11_000.0, 0.0, 1e6])
+@pytest.mark.parametrize("latitude_deg", [-90.0, -47.3, 0.0, 12.5, 45.0, 89.999, 90.0])
+def test_the_world_model_is_exact(latitude_deg, height_m):
+    """Beside a sum of solid harmonics in axes that are fixed to the Earth, which has neither angles nor a series."""
+    pytest.importorskip("ppigrf")
+    place = {"latitude_deg": latitude_deg, "longitude_deg": 200.0, "height_m": height_m, "date": "2013-03-02T11:00:00Z"}
+    model = WorldModel.model_validate({"kind": "world_model"} | place)
+    for frame in ("ENU", "NED", "NWU"):
+        found = 1e6 * references.world_model_field(model, frame)
+        np.testing.assert_allclose(found, field_of(model, frame), rtol=0.0, atol=1e-11)
+
+
+def test_the_truth_of_the_field_is_a_field():
+    """It is a slope, of a potential: without a source, and without a vortex. A dipole's is known."""
+    dipole = {(n, m): 0.0 for n in range(1, 3) for m in range(-n, n + 1)} | {(1, 0): 3.0, (1, 1): -2.0, (1, -1): 1.0}
+    moment, place = np.array([-2.0, 1.0, 3.0]), np.array([5000.0, 3000.0, -4500.0])
+    away = np.linalg.norm(place)
+    expected = (3.0 * place * (moment @ place) / away**2 - moment) * (6371.2 / away) ** 3
+    np.testing.assert_allclose(-_slope(place, dipole), expected, rtol=0.0, atol=1e-14)
+    drawn = np.random.default_rng(0).normal(size=300)
+    some = {(n, m): drawn[17 * n + m] for n in range(1, 14) for m in range(-n, n + 1)}
+    slopes = [(_slope(place + one, some) - _slope(place - one, some)) / 2.0 for one in np.eye(3)]
+    size = np.abs(slopes).max()
+    assert abs(np.trace(slopes)) < 1e-5 * size
+    np.testing.assert_allclose(slopes, np.transpose(slopes), rtol=0.0, atol=1e-5 * size)
 
 
 @pytest.mark.parametrize("date", ["1899-12-31T23:59:59Z", "2030-01-02T00:00:00Z", "2035-06-01T00:00:00Z"])
@@ -358,15 +386,19 @@ ORBIT = {"kind": "gravity_gradient", "orbit_rate_rad_per_s": 0.01}
 
 
 @pytest.mark.parametrize("potential", [ORBIT, TURNING, {"kind": "sum", "potentials": [{"kind": "free"}, ORBIT]}])
-def test_a_potential_that_turns_has_the_time_of_the_file(tmp_path, potential):
-    """A sun and a phase of rest have it, too: times that count from another second would be of another direction."""
+def test_a_potential_that_turns_says_which_time_it_is_stated_for(tmp_path, potential):
+    """Of another second of the file it would be another; nobody means 1970."""
     flow = {"kind": "rigid_body", "inertia_kg_m2": [1.0, 1.0, 1.0], "step_s": 0.1, "potential": potential}
+    first = {"timing": {"origin": "first"}}
     rows = ["37.5,0,0,0,1,0,0,1,0,0", "38,0,0,0,1,0,0,1,0,0"]
     assert read(tmp_path, *rows, configuration=configured(UP, flow=flow)).origin == 0
-    with pytest.raises(FileError, match=r"flow.potential: .* count from 37 s of the file"):
-        read(tmp_path, *rows, configuration=configured(UP, flow=flow, timing={"origin": "first"}))
-    still = flow | {"potential": TURNING | {"turn_rad_per_s": [0.0, 0.0, 0.0]}}
-    assert read(tmp_path, *rows, configuration=configured(UP, flow=still, timing={"origin": "first"})).origin == 37
+    with pytest.raises(FileError, match=r"flow.potential: .* count from 37 s of the file .* stated_at_s"):
+        read(tmp_path, *rows, configuration=configured(UP, flow=flow, **first))
+    one = potential.get("potentials", [potential])[-1]
+    stated = {"potentials": [one | {"stated_at_s": 0.0}]} if "potentials" in potential else {"stated_at_s": 0.0}
+    for kept in (potential | stated, TURNING | {"turn_rad_per_s": [0.0, 0.0, 0.0]}):
+        log = read(tmp_path, *rows, configuration=configured(UP, flow=flow | {"potential": kept}, **first))
+        assert log.origin == 37
 
 
 GOOD = "0,0,0,0,1,0,0,1,0,0"

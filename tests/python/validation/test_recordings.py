@@ -28,7 +28,7 @@ from elliptude.validation.recordings import trials
 from elliptude.validation.recordings.drawing import draw_recording
 from elliptude.validation.recordings.judging import Verdict
 from elliptude.validation.recordings.trials import RecordingArguments, try_recording
-from elliptude.validation.recordings.turning import Turning
+from elliptude.validation.recordings.truth.turning import Turning
 from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 

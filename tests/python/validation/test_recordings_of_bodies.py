@@ -17,7 +17,7 @@ from elliptude.io.toml import validate
 from elliptude.logs import channels
 from elliptude.validation.recordings.drawing import draw_recording
 from elliptude.validation.recordings.trials import RecordingArguments, keep, try_recording
-from elliptude.validation.recordings.tumbling import Inputs, RigidMotion, Tumbling
+from elliptude.validation.recordings.truth.tumbling import Inputs, RigidMotion, Tumbling
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -143,6 +143,12 @@ def flow_with(monkeypatch, **changed):
     monkeypatch.setattr(RigidBodyFlow, "guaranteed", lambda flow, *more: whole(flow.model_copy(update=changed), *more))
 
 
+def of_the_files_time_0(monkeypatch):
+    """Let a potential point where it would if times counted from the file's time 0."""
+    whole = RigidBodyFlow.guaranteed
+    monkeypatch.setattr(RigidBodyFlow, "guaranteed", lambda flow, of_wheels, origin: whole(flow, of_wheels))
+
+
 def measured_with(monkeypatch, share):
     whole = Rate.bound
     monkeypatch.setattr(Rate, "bound", lambda rate: share * whole(rate))
@@ -211,6 +217,13 @@ WEAKENED = {
     "where a potential points": (
         lambda m: flow_with(m, potential=potentials.LinearPotential(**(LINEAR | {"turn_rad_per_s": [0.0, 0.0, 0.0]}))),
         lambda: body({"potential": LINEAR}),
+    ),
+    "since when a potential turns": (
+        of_the_files_time_0,
+        lambda: body(
+            {"potential": ORBIT | {"stated_at_s": -11.25}} | SLOW,
+            timing={"origin": "first"},
+        ),
     ),
     "a wheel's momentum": (
         wheels_with_less,

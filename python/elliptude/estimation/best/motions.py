@@ -99,7 +99,7 @@ class _Body:
 
     def __init__(self, run: GuaranteedRun, flow: RigidBodyFlow) -> None:
         self._times, self._controls, self._wheels = run.log.times, run.log.control_torques, run.log.wheel_momenta
-        self._flow, bounds = flow.build(), flow.guaranteed()
+        self._flow, bounds = flow.build(run.log.origin), flow.guaranteed()
         # The guaranteed run knows no order; with one of 2 its step may be too long.
         self._order: Literal[4, 6, 8] = 4 if flow.order == 2 else flow.order
         self._torque, self._inertia_error = np.asarray(bounds.unknown_torque) / 5.0, bounds.inertia_error

@@ -15,7 +15,7 @@ from elliptude.typing import FloatArray
 from elliptude.validation.recordings.draw import Draw
 from elliptude.validation.recordings.gyro_errors import AT_BOUND, unit_vector
 from elliptude.validation.recordings.statements import StatedBody
-from elliptude.validation.recordings.tumbling import LONGEST_TURN, Inputs, RigidMotion, Tumbling, cross
+from elliptude.validation.recordings.truth.tumbling import LONGEST_TURN, Inputs, RigidMotion, Tumbling, cross
 
 # Slower and slower motions are tried until one keeps the largest rate.
 _TRIES = 12

@@ -9,7 +9,7 @@ from elliptude.typing import FloatArray
 from elliptude.validation.recordings import gyro_errors, vector_errors
 from elliptude.validation.recordings.gyro_errors import AT_BOUND
 from elliptude.validation.recordings.statements import Stated, StatedBody
-from elliptude.validation.recordings.tumbling import RigidMotion
+from elliptude.validation.recordings.truth.tumbling import RigidMotion
 
 _MOST_ROWS = 3000
 TORQUES = (
@@ -31,15 +31,15 @@ _KINDS: dict[str, tuple[str, ...]] = {
     "turns": gyro_errors.TURNS,
     "pauses": ("none", "some"),
     "ramps": ("at once", "slow"),
-    "noise": gyro_errors.PATTERNS,
+    "noise": (*gyro_errors.PATTERNS, "jitter"),
     "bias": gyro_errors.PATTERNS,
     "gyro scale": gyro_errors.MATRICES,
     "moves": vector_errors.MOTIONS,
-    "force offset": gyro_errors.PATTERNS,
-    "force wobble": gyro_errors.PATTERNS,
+    "force offset": (*gyro_errors.PATTERNS, "waves", "waves"),
+    "force wobble": (*gyro_errors.PATTERNS, "jitter"),
     "force scale": gyro_errors.MATRICES,
-    "field offset": gyro_errors.PATTERNS,
-    "field wobble": gyro_errors.PATTERNS,
+    "field offset": (*gyro_errors.PATTERNS, "waves", "waves"),
+    "field wobble": (*gyro_errors.PATTERNS, "jitter"),
     "field scale": gyro_errors.MATRICES,
     "disturbance": gyro_errors.PATTERNS,
     "directions": gyro_errors.PATTERNS,
@@ -52,6 +52,7 @@ _KINDS: dict[str, tuple[str, ...]] = {
     "control": ("none", "steady", "any", "any"),
     "wheels": ("steady", "any", "any"),
     "momentum": MOMENTA,
+    "jitter": ("none", "none", "at the bound", "any"),
     "offsets": ("none", "early", "late", "apart", "apart", "any"),
 }
 
@@ -79,6 +80,15 @@ class Draw:
     def offset(self, name: str, own: float) -> float:
         """How far a sensor's stamps are off against the gyro's, s."""
         return AT_BOUND * (self.signs[name] * own + self.signs["the gyro"] * self.stated.gyro_offset)
+
+    def offsets(self, name: str, own: float, count: int, *, is_averaged: bool) -> FloatArray:
+        """The same sample by sample, shape (N,): where no mean is taken, each may have an offset of its own."""
+        if self.kinds["jitter"] == "none" or is_averaged:
+            return np.full(count, self.offset(name, own))
+        signs = self.draws.choice([-1.0, 1.0], count)
+        if self.kinds["jitter"] == "any":
+            signs *= self.draws.random(count)
+        return np.asarray(self.offset(name, 0.0) + AT_BOUND * own * signs)
 
     @property
     def more(self) -> float:
@@ -133,6 +143,8 @@ class Draw:
         step = min(10.0 ** draws.uniform(-1.8, -0.3) / max(turns, 1e-6), 200.0 * body.flow.step_s)
         step = max(float(f"{step:.3g}"), 1e-4)
         begin = float(draws.choice([0.0, 0.0, 37.5]))
+        if self.stated.configuration.timing.origin == "first":
+            begin += float(draws.choice([0.0, 86_400.0]))
         lasts = step * int(draws.integers(30, 200))
         pad = self.more + 2.0 * step
         grid = begin - pad + step * np.arange(math.ceil((lasts + 2.0 * pad) / step))
@@ -151,7 +163,7 @@ def own_stamps(of: Draw, delay: float) -> FloatArray:
     if of.stated.rests:
         step = min(step, (of.stated.rests[0].end - of.stated.rests[0].begin) / 20.0)
     # A file has a row for each stamp of its own clock, and what is beside that ends no later.
-    count = min(int((times[-1] - times[0]) / step), len(times))
+    count = max(min(int((times[-1] - times[0]) / step), len(times)), 1)
     stamps = times[0] + step * (np.arange(count) + of.draws.uniform(0.0, 1.0))
     stamps = stamps + step * of.draws.uniform(-0.2, 0.2, count) if of.kinds["stamps"] == "uneven" else stamps
     return np.asarray(np.round(stamps + delay, 7))

@@ -21,8 +21,8 @@ from elliptude.validation.recordings.draw import Draw, own_stamps
 from elliptude.validation.recordings.gyro_errors import AT_BOUND, Shown, draw_gyro, unit_vector
 from elliptude.validation.recordings.sensors import moved_in, shown_by, shown_velocity
 from elliptude.validation.recordings.statements import Stated
-from elliptude.validation.recordings.tumbling import Tumbling
-from elliptude.validation.recordings.turning import Turning
+from elliptude.validation.recordings.truth.tumbling import Tumbling
+from elliptude.validation.recordings.truth.turning import Turning
 
 
 @dataclass(eq=False)

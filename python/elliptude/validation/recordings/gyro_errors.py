@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from elliptude.bounds.rest import mean_over_time
 from elliptude.typing import FloatArray
 from elliptude.validation.recordings.statements import Stated, StatedGyro, StatedRest
-from elliptude.validation.recordings.turning import Turning, share_of_noise_turn
+from elliptude.validation.recordings.truth.turning import Turning, share_of_noise_turn
 
 # Within this share of a bound an error is at it: what is left covers the rounding of what was drawn.
 AT_BOUND = 1.0 - 1e-9
@@ -72,7 +72,10 @@ def matrix_within(bound: float, kind: str, draws: np.random.Generator) -> FloatA
 def pattern(
     kind: str, attitudes: FloatArray, rates: FloatArray, draws: np.random.Generator, *, at_most: float = 1.0
 ) -> FloatArray:
-    """Vectors (N, 3) in body axes, no longer than 1, of a kind of `PATTERNS`."""
+    """Vectors (N, 3) in body axes, no longer than 1, of a kind of `PATTERNS`.
+
+    Or "jitter": what a rate, over steps whose stamps are off by some time either way, seems to be more or less.
+    """
     count, one = len(attitudes), unit_vector(draws)
     speeds = np.linalg.norm(rates, axis=1)[:, None]
     along = rates / np.where(speeds > 0.0, speeds, 1.0)
@@ -89,6 +92,9 @@ def pattern(
         found = np.einsum("nji,j->ni", attitudes, one) * np.where(np.arange(count) % 2, 1.0, -1.0)[:, None]
     elif kind == "any":
         found = limited(draws.standard_normal((count, 3)), 1.0)
+    elif kind == "jitter":
+        late = np.diff(draws.choice([-0.5, 0.5], count + 1))[:, None]
+        found = late * rates / max(float(speeds.max(initial=0.0)), 1e-30)
     else:
         found = np.zeros((count, 3))
     return at_most * np.asarray(found)
@@ -136,7 +142,7 @@ def draw_rates(
     else:
         rates = np.zeros((len(times), 3))
     rates = rates * moves[:, None]
-    most = AT_BOUND * (gyro.bounds.largest_rate - gyro.bounds.noise / (1.0 - gyro.bounds.scale_error))
+    most = AT_BOUND * (gyro.bounds.largest_rate - gyro.noise_of_rate)
     if np.isfinite(most):
         rates = limited(rates, max(most, 0.0))
     return _as_smooth(rates, times, gyro)
@@ -196,10 +202,11 @@ def draw_gyro(
         if times[end] - times[begin] > longest:
             _turn_in_gap(base, times, begin, end, gyro, draws)
     attitudes = Turning(times, base[:-1], base[1:]).attitudes(times)
-    scale = matrix_within(bounds.scale_error, kinds["scale"], draws)
+    # A corrected sample has the scale error.
+    shows = np.linalg.solve(gyro.correction, np.eye(3) + matrix_within(bounds.scale_error, kinds["scale"], draws))
     biases, drifts = _biases(gyro, kinds["bias"], times, attitudes, base, first, draws)
     at_samples, in_steps = _noise(gyro, kinds["noise"], times, attitudes, base, biases + drifts, resting, draws)
-    undo = np.asarray(np.linalg.inv(np.eye(3) + scale), dtype=np.float64)
+    undo = np.asarray(np.linalg.inv(shows), dtype=np.float64)
     if np.isfinite(bounds.noise_turn):
         _limit_noise_turn(at_samples, in_steps, times, base, undo, gyro)
     raw = gyro.known_bias
@@ -211,7 +218,7 @@ def draw_gyro(
     biases = biases + drifts
     for values in (biases, at_samples):
         _fill_in(values, times, lost, gyro)
-    shown = base @ (np.eye(3) + scale).T + raw + biases + at_samples
+    shown = base @ shows.T + raw + biases + at_samples
     begins, ends = base[:-1] - in_steps @ undo.T, base[1:] - in_steps @ undo.T
     if gyro.holds and gyro.between == 0.0:
         ends = begins.copy()
@@ -252,7 +259,7 @@ def _turn_in_gap(
 ) -> None:
     """In some gaps: as fast as is stated, or as far from the samples around it as the rate can change."""
     kind, bounds = draws.choice(["as before", "as fast", "as fast"]), gyro.bounds
-    most = AT_BOUND * (bounds.largest_rate - bounds.noise / (1.0 - bounds.scale_error))
+    most = AT_BOUND * (bounds.largest_rate - gyro.noise_of_rate)
     if kind == "as before" or gyro.between > 0.0 or (np.isinf(bounds.angular_acceleration) and np.isinf(most)):
         return
     axis, inside = unit_vector(draws), slice(begin + 1, end)
@@ -305,7 +312,7 @@ def _noise(
     if gyro.holds:  # the bias goes on while the sample is held
         most = max(most - float(np.linalg.norm(np.diff(biases, axis=0), axis=1).max(initial=0.0)), 0.0)
     if np.isfinite(gyro.bounds.angular_acceleration):  # it is a part of the true rate, too
-        most *= 1.0 - gyro.bounds.scale_error
+        most *= gyro.bounds.noise / gyro.noise_of_rate if gyro.bounds.noise > 0.0 else 0.0
     share = 1.0 if gyro.between > 0.0 else float(draws.choice([0.0, 0.0, 0.5, 1.0]))
     drawn = pattern(kind, attitudes, rates, draws)
     increment = gyro.bounds.increment * AT_BOUND
@@ -397,7 +404,9 @@ def _shown_in_rest(
     assert rest.shows is not None
     first = float(times[kept][0])
     rows = (times <= first + (1.0 + 1e-9) * rest.end) & (times >= first)
-    most = min(gyro.bounds.noise * AT_BOUND, 0.8 * math.radians(rest.shows.rate_deviation_deg_per_s))
+    # What is corrected shows the rest.
+    deviation = math.radians(rest.shows.rate_deviation_deg_per_s) / gyro.stretch
+    most = min(gyro.bounds.noise * AT_BOUND, 0.8 * deviation)
     hidden = min(0.5 * most, 0.4 * gyro.bounds.increment / rest.end, gyro.bounds.bias)
     inside = (times <= first + rest.end) | (times < first)
     biases[inside] = limited(biases[inside], hidden)
@@ -406,7 +415,8 @@ def _shown_in_rest(
     shown = kept & rows
     at_samples[rows] -= mean_over_time(times[shown], (biases + at_samples)[shown])
     at_samples[rows] = limited(at_samples[rows], gyro.bounds.noise * AT_BOUND)
-    raw: FloatArray = 0.8 * math.radians(rest.shows.rate_deg_per_s) * draws.random() * unit_vector(draws)
+    largest = math.radians(rest.shows.rate_deg_per_s) / gyro.stretch
+    raw: FloatArray = 0.8 * largest * draws.random() * unit_vector(draws)
     return raw
 
 

@@ -9,6 +9,7 @@ from elliptude import units
 from elliptude.bounds.samples import VectorSensorBounds
 from elliptude.bounds.turns import running_integral
 from elliptude.configuration import references
+from elliptude.configuration.calibration import AccelerometerCalibration
 from elliptude.configuration.sensors import (
     Accelerometer,
     AnyDirection,
@@ -24,8 +25,9 @@ from elliptude.validation.recordings import gyro_errors, vector_errors
 from elliptude.validation.recordings.draw import Draw, own_stamps
 from elliptude.validation.recordings.gyro_errors import AT_BOUND, unit_vector
 from elliptude.validation.recordings.statements import StatedRest, added_to, radius_of, tesla_of
-from elliptude.validation.recordings.tumbling import Tumbling
-from elliptude.validation.recordings.turning import Turning
+from elliptude.validation.recordings.truth.earths_field import field_of
+from elliptude.validation.recordings.truth.tumbling import Tumbling
+from elliptude.validation.recordings.truth.turning import Turning
 
 # rad; directions that scatter less do not count as turning in a rest.
 _STILL = math.radians(8.0)
@@ -61,7 +63,8 @@ def shown_by(
     rows = stamps - stated.delay_of(sensor)
     if isinstance(sensor, Rate):
         return _rate(of, sensor, motion, rows), None
-    true_times = rows + of.offset(sensor.name, stated.offset_of(sensor))
+    is_averaged = stated.rule is not None or (isinstance(sensor, Accelerometer) and stated.longest_window > 0.0)
+    true_times = rows + of.offsets(sensor.name, stated.offset_of(sensor), len(rows), is_averaged=is_averaged)
     at_true, at_rows = motion.attitudes(true_times), motion.attitudes(rows)
     if isinstance(sensor, Accelerometer):
         assert moved is not None
@@ -143,7 +146,7 @@ def _force(
             true, at_rows, rows, force.sensor, sampling, _prefixed(of.kinds, "force"), still, draws
         )
         shown = _misaligned(shown, sensor.alignment_error_deg, draws)
-    shown = shown / units.ACCELERATION[sensor.unit]
+    shown = _uncorrected(of, sensor, shown) / units.ACCELERATION[sensor.unit]
     return -shown if sensor.at_rest == "down" else shown
 
 
@@ -180,13 +183,23 @@ def _misaligned(shown: FloatArray, degrees: float, draws: np.random.Generator) -
     return np.asarray(turn.apply(shown))
 
 
+def _uncorrected(of: Draw, sensor: Accelerometer | Magnetometer, corrected: FloatArray) -> FloatArray:
+    """Samples that a sensor's calibration corrects to these, m/s² or µT, body axes."""
+    found = of.stated.configuration.correction_of(sensor)
+    if found is None:
+        return corrected
+    offset = found.offset_m_per_s2 if isinstance(found, AccelerometerCalibration) else found.offset_ut
+    shown: FloatArray = np.linalg.solve(np.asarray(found.matrix), corrected.T).T + np.asarray(offset)
+    return shown
+
+
 def true_field(of: Draw, sensor: Magnetometer) -> FloatArray:
     """The field that the reference means, µT, reference axes, shape (3,)."""
     configuration, draws = of.stated.configuration, of.draws
     if sensor.reference_ut is not None:
         field_ut = np.asarray(sensor.reference_ut, dtype=np.float64)
     elif isinstance(sensor.reference, WorldModel):
-        field_ut = references.world_model_field(sensor.reference, configuration.reference_frame) / units.FIELD["uT"]
+        field_ut = field_of(sensor.reference, configuration.reference_frame or "ENU")
     else:
         dip, strength = math.radians(draws.uniform(-75.0, 75.0)), draws.uniform(22.0, 65.0)
         horizontal, up = strength * math.cos(dip), -strength * math.sin(dip)
@@ -247,7 +260,7 @@ def _field(
         _still_in_rest(of, rows, float(np.linalg.norm(field_ut))),
         draws,
     )
-    return _misaligned(shown, sensor.alignment_error_deg, draws) / tesla
+    return _uncorrected(of, sensor, _misaligned(shown, sensor.alignment_error_deg, draws)) / tesla
 
 
 def shown_velocity(
@@ -263,7 +276,8 @@ def shown_velocity(
     if clock not in clocks:
         clocks[clock] = own_stamps(of, stated.delay_s)
     stamps = clocks[clock]
-    times = stamps - stated.delay_s + of.offset("the velocity", stated.time_offset_bound_s)
+    times = stamps - stated.delay_s
+    times = times + of.offsets("the velocity", stated.time_offset_bound_s, len(times), is_averaged=False)
     true = moved.velocities_at(np.clip(times, moved.times[0], moved.times[-1]))
     along = gyro_errors.pattern(
         of.kinds["velocity"],

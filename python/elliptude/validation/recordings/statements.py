@@ -1,7 +1,7 @@
 """What a configuration of the guaranteed mode states, by a rule or sensor by sensor, in SI units."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,6 +50,18 @@ class StatedGyro:
     """The longest interval that is stated, s."""
     increment_over: float
     """The longest window that the increment is stated for, s."""
+    correction: FloatArray
+    """What samples are multiplied with, shape (3, 3): the scale error is that of what comes of it, all else theirs."""
+
+    @property
+    def stretch(self) -> float:
+        """What the correction makes of a sample, at most."""
+        return float(np.linalg.norm(self.correction, 2))
+
+    @property
+    def noise_of_rate(self) -> float:
+        """How far a true rate may be off by noise of samples, rad/s."""
+        return self.stretch * self.bounds.noise / (1.0 - self.bounds.scale_error)
 
 
 @dataclass(frozen=True)
@@ -181,7 +193,8 @@ class Stated:
             of_field = [] if self.rule.magnetometer is None else [self.rule.magnetometer.window_s]
             over = max(*self.rule.motion.windows_s, *of_field, anchor or 0.0)
             interval = self.rule.gyro.longest_interval_s
-            return StatedGyro(self.rule.gyro.bounds(), np.zeros(3), False, 0.0, False, interval, over)
+            bounds, correction = self._calibrated_gyro(self.rule)
+            return StatedGyro(bounds, np.zeros(3), False, 0.0, False, interval, over, correction)
         windows = [w for sensor in self.directions for w in getattr(sensor.bound_from, "windows_s", ())]
         return StatedGyro(
             flow.bounds(),
@@ -191,7 +204,34 @@ class Stated:
             flow.interval_rate == "first_sample",
             flow.longest_interval_s,
             max([*windows, flow.anchor_s or 0.0]),
+            np.eye(3),
         )
+
+    def _calibrated_gyro(self, rule: Rule) -> tuple[GyroBounds, FloatArray]:
+        """What is stated of the samples, but for the scale error that a correction leaves, and the correction."""
+        bounds, found = rule.gyro.bounds(), self.configuration.gyro_correction()
+        if found is None:
+            return bounds, np.eye(3)
+        # Scale error, noise and bias were taken apart together: noise and bias are as large as either says.
+        bounds = replace(
+            bounds,
+            scale_error=found.scale_error,
+            noise=max(bounds.noise, math.radians(found.noise_deg_per_s or 0.0)),
+            bias=max(bounds.bias, math.radians(found.bias_deg_per_s or 0.0)),
+        )
+        if found.noise_deg_per_s is not None:
+            told = math.inf if found.increment_deg is None else math.radians(found.increment_deg)
+            increment = max(bounds.increment, told)
+            bounds = replace(bounds, increment=increment, noise_turn=math.inf, noise_turn_growth=0.0)
+        return bounds, np.asarray(found.matrix)
+
+    def _calibrated(self, sensor: Accelerometer | Magnetometer, stated: VectorSensorBounds) -> VectorSensorBounds:
+        """What is left of a sensor's errors if its samples are corrected, or else what is stated of them."""
+        found = self.configuration.correction_of(sensor)
+        if found is None:
+            return stated
+        error, averaged = found.left()
+        return VectorSensorBounds(error, found.scale_error, stated.misalignment, averaged, found.averaged_over_s)
 
     def _force(self) -> StatedForce | None:
         sensor = self.configuration.accelerometer
@@ -200,14 +240,14 @@ class Stated:
         if self.rule is not None:
             stated, moves = self.rule.accelerometer, self.rule.motion
             return StatedForce(
-                stated.sensor(),
+                self._calibrated(sensor, stated.sensor()),
                 moves.bounds(),
                 moves.windows_s,
                 stated.gravity_m_per_s2,
                 stated.gravity_error_m_per_s2,
                 None,
             )
-        bound, errors = sensor.bound_from, sensor.sensor_error.bounds()
+        bound, errors = sensor.bound_from, self._calibrated(sensor, sensor.sensor_error.bounds())
 
         def known(value: float | None) -> float:
             return math.inf if value is None else value
@@ -233,8 +273,9 @@ class Stated:
             return None
         if self.rule is not None:
             assert self.rule.magnetometer is not None
-            return StatedField(self.rule.magnetometer.sensor(), self.rule.magnetometer.disturbance_ut, 0.0, None)
-        bound, errors = sensor.bound_from, sensor.sensor_error.bounds()
+            errors = self._calibrated(sensor, self.rule.magnetometer.sensor())
+            return StatedField(errors, self.rule.magnetometer.disturbance_ut, 0.0, None)
+        bound, errors = sensor.bound_from, self._calibrated(sensor, sensor.sensor_error.bounds())
         if isinstance(bound, FieldBound):
             return StatedField(errors, bound.disturbance_ut, bound.strength_error_ut, None)
         return StatedField(errors, 0.0, 0.0, radius_of(sensor))
@@ -281,14 +322,12 @@ def _require_drawable(configuration: Configuration) -> None:
     open_still = []
     if configuration.estimator.mode != "guaranteed":
         open_still.append("estimator.mode: only 'guaranteed' promises anything")
-    if configuration.calibration is not None:
-        open_still.append("calibration: its sensors' samples would be corrected; leave it out")
     flow, references = configuration.flow, [getattr(sensor, "reference", None) for sensor in configuration.directions]
     if isinstance(flow, RigidBodyFlow):
         if any(isinstance(reference, RestPhase) for reference in references):
             open_still.append("directions.reference: a rest of a rigid body, which torques turn, is not drawn")
-        if flow.potential.turns and configuration.timing.origin == "first":
-            open_still.append("timing.origin: a potential that turns is stated for the file's time")
+        if flow.potential.lacks_time(1) and configuration.timing.origin == "first":
+            open_still.append("timing.origin: flow.potential.stated_at_s has to say which time it is stated for")
     elif configuration.start is not None and flow.estimate_bias:
         open_still.append("start: is not drawn beside flow.estimate_bias")
     if open_still:

@@ -260,12 +260,19 @@ def shown_vectors(
     most = max(sensor.error - _ROUNDING * float(np.abs(true).max(initial=0.0)), 0.0)
     averaged = most if sensor.averaged_error is None else min(sensor.averaged_error, most)
     slow = averaged * pattern(kinds["offset"], attitudes, np.zeros_like(true), draws)
+    if kinds["offset"] == "waves":
+        # Means that are too short for the averaged error are larger.
+        period, share = sensor.averaged_over * draws.uniform(0.5, 2.0), draws.choice([0.5, draws.uniform(0.2, 0.8)])
+        first = np.mod(times / max(period, 1e-9) + draws.random(), 1.0) < share
+        slow = np.where(first, most, -most)[:, None] * pattern("in space", attitudes, np.zeros_like(true), draws)
     if kinds["offset"] == "in the body" and draws.random() < 0.3:
         slow *= np.where(np.arange(len(times)) // max(int(len(times) // draws.integers(1, 9)), 1) % 2, 1.0, -1.0)[
             :, None
         ]
-    quick = np.minimum(most - averaged, still)[:, None] * pattern(kinds["wobble"], attitudes, true, draws)
-    error = AT_BOUND * (limited(slow, still) + quick)
+    # Of stamps that jitter: what the vector changes meanwhile.
+    moving = np.gradient(true, axis=0) if kinds["wobble"] == "jitter" and len(true) > 1 else true
+    quick = np.minimum(most - averaged, still)[:, None] * pattern(kinds["wobble"], attitudes, moving, draws)
+    error = AT_BOUND * limited(limited(slow, still) + quick, most)
     drift = np.zeros_like(true) if sampling is None else sampling
     if sensor.averaged_error is not None or sampling is not None:
         error *= _largest_share(error, attitudes, times, drift, averaged, sensor.averaged_over)

@@ -48,7 +48,7 @@ def torque_of(potential: potentials.Potential, inertia: FloatArray) -> Torque:
         return lambda times, attitudes: cross(weighted, attitudes[:, 2])
     if isinstance(potential, potentials.GravityGradient):
         n = potential.orbit_rate_rad_per_s
-        seen = _seen(np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, n]))
+        seen = _seen(np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, n]), potential.stated_at_s or 0.0)
         return _quadratic(3.0 * n**2 * inertia, seen)
     if isinstance(potential, potentials.LinearPotential):
         moment, seen = np.array(potential.moment_n_m), _seen_of(potential)
@@ -67,16 +67,16 @@ def _quadratic(matrix: FloatArray, seen: Torque) -> Torque:
 
 
 def _seen_of(potential: potentials.LinearPotential | potentials.QuadraticPotential) -> Torque:
-    return _seen(np.array(potential.direction), np.array(potential.turn_rad_per_s))
+    return _seen(np.array(potential.direction), np.array(potential.turn_rad_per_s), potential.stated_at_s or 0.0)
 
 
-def _seen(direction: FloatArray, turn: FloatArray) -> Torque:
-    """The unit vector C'r(t) of a direction that turns about an axis across it."""
+def _seen(direction: FloatArray, turn: FloatArray, stated_at: float) -> Torque:
+    """The unit vector C'r(t) of a direction, stated for a time, that turns about an axis across it."""
     start, rate = direction / np.linalg.norm(direction), float(np.linalg.norm(turn))
     ahead = cross(turn / rate, start) if rate > 0.0 else np.zeros(3)
 
     def seen(times: FloatArray, attitudes: FloatArray) -> FloatArray:
-        angles = rate * times[:, None]
+        angles = rate * (times[:, None] - stated_at)
         found: FloatArray = np.einsum("ni,nij->nj", np.cos(angles) * start + np.sin(angles) * ahead, attitudes)
         return found
 
