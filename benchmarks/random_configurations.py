@@ -89,8 +89,11 @@ def _changed_rule(of: Drawn, rule: Tables) -> Tables:
         for key in keys:
             rule[name][key] = rule[name][key] if of.maybe() else SMALLEST if key.startswith("error_") else 0.0
         rule[name]["time_offset_bound_s"] = of.size(1e-3, 0.03)
+        rule[name].pop("time_offset_change_s", None)
         errors = "error_m_per_s2" if name == "accelerometer" else "error_ut"
         rule[name][f"averaged_{errors}"] = min(rule[name][f"averaged_{errors}"], rule[name][errors])
+    if of.maybe(0.6):
+        rule["accelerometer"]["time_offset_change_s"] = of.size(1e-4, 0.03)
     rule["magnetometer"]["disturbance_ut"] = min(rule["magnetometer"]["disturbance_ut"], 10.0)
     rule["magnetometer"]["delay_s"] = of.one(0.0, 0.01, 0.0137)
     rule["motion"]["velocity_m_per_s"] = of.size(0.1, 5.0, 0.5)
@@ -192,6 +195,8 @@ def _accelerometer(of: Drawn, tables: Tables) -> Tables:
         return sensor | {"bound_from": bound}
     bound["windows_s"] = sorted({of.one(0.2, 0.5, 1.0), of.one(0.5, 2.0), of.one(1.0, 4.0, 8.0)})
     bound["at"] = of.one("middle", "end")
+    if of.maybe(0.6):
+        bound["time_offset_change_s"] = of.size(1e-4, 0.05)
     with_velocity = of.maybe(0.3)
     stated = {
         "velocity_m_per_s": of.size(1e-2, 30.0, 0.7),

@@ -29,6 +29,7 @@ HAND = {
     "accelerometer": {
         "gravity_m_per_s2": 9.807, "gravity_error_m_per_s2": 0.027, "error_m_per_s2": 0.6,
         "averaged_error_m_per_s2": 0.2, "averaged_over_s": 0.5, "scale_error": 0.01, "time_offset_bound_s": 0.005,
+        "time_offset_change_s": 0.0005,
     },
     "motion": {
         "velocity_m_per_s": 3.0, "position_m": 1.0, "largest_jerk_m_per_s3": 5000.0,

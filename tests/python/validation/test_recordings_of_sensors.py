@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drawn_recordings import FIXED, GUARANTEED, STAR, faults, require_noticed, smaller
+from elliptude.bounds import windows
 from elliptude.configuration import configuration as configurations
 from elliptude.configuration import references, rules
 from elliptude.configuration.calibration import AccelerometerCalibration, GyroCalibration, MagnetometerCalibration
@@ -176,6 +177,25 @@ def samples_with_less_error(monkeypatch):
     monkeypatch.setattr(Configuration, "sensor_bounds", bounds)
 
 
+def less_of_offsets(monkeypatch, **shares):
+    """Let less of what offsets in time do to means be counted, whichever way it goes."""
+    whole = windows.turns_within_offset
+
+    def turns(*given):
+        found = whole(*given)
+        changed = {name: share * getattr(found, name) for name, share in shares.items()}
+        return dataclasses.replace(found, angles=np.full_like(found.angles, np.pi), **changed)
+
+    monkeypatch.setattr(windows, "turns_within_offset", turns)
+
+
+def shifted(change):
+    """An exact accelerometer whose stamps are off, and whose place is known."""
+    bound = WINDOW | {"position_m": 0.0, "time_offset_change_s": change}
+    plain = {"name": "up", "kind": "accelerometer", "columns": ["ax", "ay", "az"], "unit": "m/s^2"}
+    return configured({}, plain | {"bound_from": bound, "time_offset_bound_s": 0.02}, FIXED)
+
+
 def field_of_a_sphere(monkeypatch):
     """Let the Earth be round: of a latitude that is up to 0.2° off, the field up to 0.3°."""
     monkeypatch.setattr(references, "_POLE", references._EQUATOR)
@@ -224,6 +244,16 @@ WEAKENED = {
         lambda m: smaller(m, direction_rows, "time_offset_angles"),
         lambda: configured({}, FIXED | {"time_offset_bound_s": 0.02}, STAR),
         {"jitter": "any", "offsets": "none"},
+    ),
+    "an offset that all samples of a window share": (
+        lambda m: less_of_offsets(m, common=0.8),
+        lambda: shifted(0.002),
+        {"offsets": "late", "turns": "spin"},
+    ),
+    "offsets of a window that change": (
+        lambda m: less_of_offsets(m, others=0.5),
+        lambda: shifted(0.03),
+        {"offsets": "late", "turns": "spin"},
     ),
     "a gyro whose stamps jitter": (
         gyro_with_less_noise,

@@ -90,6 +90,18 @@ class Draw:
             signs *= self.draws.random(count)
         return np.asarray(self.offset(name, 0.0) + AT_BOUND * own * signs)
 
+    def changes(self, name: str, times: FloatArray) -> FloatArray:
+        """How far the accelerometer's offsets are beside that of its windows, s, shape (N,): there and back.
+
+        Of what turns alone: what an integral over time makes of them is an error of means.
+        """
+        most, period = 0.5 * AT_BOUND * self.stated.offset_change, 10.0 ** self.draws.uniform(-1.0, 0.5)
+        beside = np.where(np.mod(times / period + self.draws.random(), 1.0) < 0.5, most, -most)
+        # Together within the offset's bound.
+        bound, own = AT_BOUND * self.stated.offset_of_force, self.signs[name] * AT_BOUND * self.stated.offset_of_force
+        changes: FloatArray = np.clip(own + beside, -bound, bound) - own
+        return changes
+
     @property
     def more(self) -> float:
         """How far any stamp may be off, and how late it may be, s."""

@@ -68,6 +68,8 @@ def shown_by(
     at_true, at_rows = motion.attitudes(true_times), motion.attitudes(rows)
     if isinstance(sensor, Accelerometer):
         assert moved is not None
+        if is_averaged:
+            at_true = motion.attitudes(true_times + of.changes(sensor.name, true_times))
         return _force(of, sensor, moved, rows, true_times, at_true, at_rows), None
     if isinstance(sensor, Magnetometer):
         return _field(of, sensor, rows, true_times, at_true, at_rows), None

@@ -152,6 +152,21 @@ class Stated:
         assert self.rule.magnetometer is not None
         return self.rule.magnetometer.time_offset_bound_s
 
+    @property
+    def offset_of_force(self) -> float:
+        """That of the accelerometer, s."""
+        sensor = self.configuration.accelerometer
+        return 0.0 if sensor is None else self.offset_of(sensor)
+
+    @property
+    def offset_change(self) -> float:
+        """How far the accelerometer's offsets may differ within a window, s; 0 if it is not stated."""
+        if self.rule is not None:
+            return self.rule.accelerometer.time_offset_change_s or 0.0
+        sensor = self.configuration.accelerometer
+        bound = None if sensor is None else sensor.bound_from
+        return (bound.time_offset_change_s or 0.0) if isinstance(bound, VelocityWindowBound) else 0.0
+
     def delay_of(self, sensor: AnyDirection | Rate) -> float:
         """How late a sensor's stamps are, s."""
         if self.rule is not None and self.rule.magnetometer is not None and isinstance(sensor, Magnetometer):
