@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from elliptude.bounds.gyro import GyroBounds, scale_effects
 from elliptude.bounds.turns import lengths_of, running_sum
-from elliptude.bounds.window_averages import Average, Piece, Window, weighted
+from elliptude.bounds.window_averages import Average, Piece, Window, weighted, weighted_whole
 from elliptude.typing import FloatArray
 
 _EPSILON = float(np.finfo(np.float64).eps)
@@ -141,19 +141,12 @@ class OneMatrix:
         # The matrix acts in the carried frame, which is no further off than over the whole window.
         apart = (self._piece.apart[of.stop] - self._piece.apart[of.start]) * swept
         turns: FloatArray = self._scale * (push + chords + apart) + noise + biased
-        return turns + second + average.by_stamps_of_frame[indices] + self._rounding(of, average, indices)
+        by_stamps = self._piece.by_stamps_of_frame(of, average, indices, triangular=triangular)
+        return turns + second + by_stamps + self._rounding(of, average, indices)
 
     def _mean_push(self, window: Window, *, triangular: bool) -> FloatArray:
         """The weighted means of the effects crossed with what is averaged, as `weighted`, shape (m, 3, 9)."""
-        if not triangular:
-            start, stop = (self._pushed.take(rows, axis=0) for rows in (window.start, window.stop))
-            means = (stop - start) / (window.before + window.after)[:, None]
-        else:
-            at = (window.start, window.top, window.stop)
-            start, top, stop = (self._pushed_twice.take(rows, axis=0) for rows in at)
-            scale = 2.0 / (window.before + window.after)
-            means = (stop - top) * (scale / window.after)[:, None]
-            means -= (top - start) * (scale / window.before)[:, None]
+        means = weighted_whole(self._pushed, self._pushed_twice if triangular else None, window)
         return means.reshape(-1, 3, 9)
 
     def _rounding(self, window: Window, average: Average, indices: NDArray[np.intp]) -> FloatArray:

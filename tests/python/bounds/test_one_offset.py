@@ -77,6 +77,14 @@ def test_what_is_beside_its_row_is_known_and_goes_away_too():
     assert found.angles[inner].max() < 0.05 * by_lengths[inner].min()
 
 
+def test_samples_that_are_all_late_turn_the_mean():
+    times, rate, late = 0.004 * np.arange(501), 3.0, 0.0015
+    shown = about(X, rate * (times + late)).inv().apply(UP)
+    found = up_over(times, shown, np.tile(rate * X, (501, 1)), 1.0, sampled=times + late)
+    error = angle_between(found.directions[250], about(X, rate * times[250]).inv().apply(UP))
+    assert 0.98 * rate * late <= error <= found.angles[250] <= 1.02 * rate * late
+
+
 # --- each term alone --------------------------------------------------------------------------------------------------
 
 
@@ -98,22 +106,27 @@ def test_offsets_that_change_are_attained():
 
 def test_the_error_of_the_rate_within_the_offset_is_attained():
     """The gyro does not show a slow turn: it is in the carried frame, and between stamp and time."""
-    times, tau, bias = 0.005 * np.arange(401), 0.2, 0.01
-    shown = about(X, bias * (times - tau)).inv().apply(UP)
+    times, tau, bias, rate = 0.005 * np.arange(401), 0.2, 0.01, 1e-5
+    shown = about(X, (bias + rate) * (times - tau)).inv().apply(UP)
     gyro = GyroBounds(0.0, bias=bias)
     stated = {"gyro": gyro, "at": "end", "time_offset": tau, "time_offset_change": 0.0}
-    found = up_over(times, shown, np.zeros((401, 3)), 1.0, **stated)
-    error = angle_between(found.directions[300], about(X, bias * times[300]).inv().apply(UP))
-    assert error == pytest.approx(bias * (0.5 + tau), rel=1e-6)
-    assert error <= found.angles[300] <= 1.001 * error
+    found = up_over(times, shown, np.tile(rate * X, (401, 1)), 1.0, **stated)
+    error = angle_between(found.directions[300], about(X, (bias + rate) * times[300]).inv().apply(UP))
+    assert error == pytest.approx(bias * (0.5 + tau), rel=0.005)
+    assert error <= found.angles[300] <= 1.005 * error
 
 
-def test_a_rate_that_changes_within_the_offset():
-    """The body rests at every stamp with a sample, and turns between stamp and time."""
+@pytest.mark.parametrize("way", [-1, 1])
+def test_a_rate_that_changes_within_the_offset(way):
+    """The body rests at every stamp with a sample, and turns between stamp and time, on one side alone."""
     times, tau = 0.002 * np.arange(1001), 0.004
-    speeds = np.tile(0.8 * np.sin(2.0 * np.pi * np.arange(20) / 20.0), 51)[:1001]
-    rates, with_sample = np.outer(speeds, X), np.arange(1001) % 20 == 0
-    turned = 0.002 * (speeds[1] + 0.5 * speeds[2])
+    with_sample = np.arange(1001) % 20 == 0
+    # Back far from all samples.
+    speeds = np.zeros(20)
+    speeds[[way % 20, 2 * way % 20]] = 0.4, 0.8
+    speeds[[8, 9, 10, 11]] = -0.3
+    rates = np.outer(np.tile(speeds, 51)[:1001], X)
+    turned = way * 0.002 * (0.4 + 0.5 * 0.8)
     shown = np.where(with_sample[:, None], about(X, np.full(1001, turned)).inv().apply(UP), np.nan)
     found = up_over(times, shown, rates, 0.8, motion=ACROSS, time_offset=tau, time_offset_change=0.0)
     row = int(np.flatnonzero(with_sample)[25])
