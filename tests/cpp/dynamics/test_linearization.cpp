@@ -246,6 +246,86 @@ TEST_CASE("the linearization is symplectic") {
   });
 }
 
+namespace {
+
+/// [A B] as eq. (6.3) has it: half a kick, a turn and half a kick for each stage, of the states that the integrator
+/// goes through.
+template <typename Potential>
+Both stage_by_stage(const RigidBody<double>& body, const Potential& potential, const Flight& flight) {
+  Both result = Both::Zero();  // of [ζ; δπ], of ζ, δω and the control at the start
+  result.topLeftCorner<3, 3>().setIdentity();
+  result.block<3, 3>(3, 3) = body.inertia();
+  const Composition<double> stages = composition<double>(flight.order);
+  RigidBodyState<double> state = flight.start;
+  double time = flight.time;
+  const auto kick = [&](double length) {
+    const Both before = result;
+    result.bottomRows<3>() += length * potential.torque_jacobian(state.attitude, time) * before.topRows<3>();
+    result.block<3, 3>(3, 6) += length * Matrix3<double>::Identity();
+  };
+  for (long step = 0; step < flight.steps; ++step) {
+    for (int i = 0; i < stages.stages; ++i) {
+      const double length = stages.turn(i) * flight.h;
+      kick(length / 2);
+      const Vector3<double> a = body.inertia() * state.angular_velocity +
+                                length / 2 * (potential.torque(state.attitude, time) + flight.control);
+      Matrix3<double> f;
+      REQUIRE(relative_attitude(body, length, a, f) == Status::ok);
+      const Matrix3<double> fjd = f * body.nonstandard_inertia();
+      const Matrix3<double> k = length * f.transpose() * (fjd.trace() * Matrix3<double>::Identity() - fjd).inverse();
+      const Vector3<double> carried = f.transpose() * a;
+      const Both before = result;
+      result.topRows<3>() = f.transpose() * before.topRows<3>() + k * before.bottomRows<3>();
+      result.bottomRows<3>() = (f.transpose() + hat(carried) * k) * before.bottomRows<3>();
+      state.attitude = (state.attitude * f).eval();
+      time += length;
+      state.angular_velocity =
+          body.inertia_inverse() * (carried + length / 2 * (potential.torque(state.attitude, time) + flight.control));
+      kick(length / 2);
+    }
+  }
+  result.bottomRows<3>() = (body.inertia_inverse() * result.bottomRows<3>()).eval();
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("the linearization is the product of half kicks and turns") {
+  double worst = 0;
+  for_each_problem([&](const auto& body, const auto& potential, const auto&) {
+    for_each_flight([&](const Flight& flight) {
+      RigidBodyState<double> end = flight.start;
+      const Both found = both(linearize(body, potential, flight, end));
+      const double error = (found - stage_by_stage(body, potential, flight)).norm() / found.norm();
+      worst = std::max(worst, error);
+      CHECK(error <= 1e-13);
+    });
+  });
+  MESSAGE("largest relative difference " << worst);
+}
+
+TEST_CASE("a body without a torque is linearized as one with a torque that is zero") {
+  const SumPotential<FreeBody<double>> zero;  // has kicks, which change nothing
+  static_assert(has_torque<SumPotential<FreeBody<double>>> && !has_torque<FreeBody<double>>);
+  const RigidBody<double> body = skewed_body<double>();
+  for_each_flight([&](const Flight& flight) {
+    RigidBodyState<double> free_end = flight.start;
+    RigidBodyState<double> end = flight.start;
+    CHECK(both(linearize(body, FreeBody<double>{}, flight, free_end)) == both(linearize(body, zero, flight, end)));
+    CHECK(free_end.attitude == end.attitude);
+    CHECK(free_end.angular_velocity == end.angular_velocity);
+  });
+}
+
+TEST_CASE("no steps are linearized as the identity") {
+  const Flight flight{4, 0, 0.3, 0.1, orbit_state<double>(), Vector3<double>(0.2, -0.1, 0.3)};
+  RigidBodyState<double> end = flight.start;
+  const RigidBody<double> body = skewed_body<double>();
+  const FlowLinearization<double> none = linearize(body, FreeBody<double>{}, flight, end);
+  CHECK((none.state - Matrix6<double>::Identity()).norm() <= 1e-15);
+  CHECK(none.control.isZero(0));
+}
+
 TEST_CASE("four bodies in the lanes of a pack are integrated and linearized as each alone") {
   Random random(13);
   const RigidBody<double> body = skewed_body<double>();

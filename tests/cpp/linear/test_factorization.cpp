@@ -400,3 +400,63 @@ TEST_CASE("products by columns agree with Eigen's, of transposes and of single c
   const Eigen::MatrixXd any_b = b;
   CHECK((congruence(any_a, any_b) - congruence(a, b)).norm() <= 8 * epsilon * a.squaredNorm() * b.norm());
 }
+
+namespace {
+
+/// Each entry added up by itself, in the order of its terms.
+template <typename A, typename B>
+Matrix<typename A::Scalar, A::RowsAtCompileTime, B::ColsAtCompileTime> product_by_entries(const A& a, const B& b) {
+  Matrix<typename A::Scalar, A::RowsAtCompileTime, B::ColsAtCompileTime> product;
+  for (int i = 0; i < a.rows(); ++i) {
+    for (int j = 0; j < b.cols(); ++j) {
+      product(i, j) = a(i, 0) * b(0, j);
+      for (int k = 1; k < a.cols(); ++k) {
+        product(i, j) += a(i, k) * b(k, j);
+      }
+    }
+  }
+  return product;
+}
+
+/// Small whole numbers, of which sums and products are exact, whatever is fused.
+template <typename Scalar, int Rows, int Columns>
+Matrix<Scalar, Rows, Columns> whole_numbers(Random& random) {
+  return (10 * random.normal_matrix<Rows, Columns>()).array().round().matrix().template cast<Scalar>();
+}
+
+template <typename Scalar, int Rows, int N>
+void check_products() {
+  CAPTURE(Rows);
+  Random random(Rows);
+  const auto t = whole_numbers<Scalar, Rows, N>(random);
+  const auto b = whole_numbers<Scalar, N, N>(random);
+  const Matrix<Scalar, N> p = b + b.transpose();
+  const Matrix<Scalar, Rows, N> product = product_by_entries(t, p);
+  const Matrix<Scalar, Rows> image = product_by_entries(product, t.transpose());
+  CHECK(product_by_columns(t, p) == product);
+  CHECK(congruence(t, p) == image);
+  CHECK(symmetric_congruence(t, p) == image);
+
+  // What is not exact, too, is exactly symmetric.
+  const Matrix<Scalar, Rows, N> any = random.normal_matrix<Rows, N>().template cast<Scalar>();
+  const Matrix<Scalar, N> root = random.normal_matrix<N, N>().template cast<Scalar>();
+  const Matrix<Scalar, N> shape = symmetrized(Matrix<Scalar, N>(root * root.transpose()));
+  const Matrix<Scalar, Rows> seen = symmetric_congruence(any, shape);
+  CHECK(seen == seen.transpose());
+  CHECK((seen - congruence(any, shape)).norm() <= 16 * scalar::epsilon<Scalar> * any.squaredNorm() * shape.norm());
+  const Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> sized_later = any;
+  CHECK(symmetric_congruence(sized_later, shape) == seen.transpose());
+}
+
+}  // namespace
+
+TEST_CASE("products in pieces of rows have every entry and congruences are exactly symmetric") {
+  check_products<double, 8, 6>();
+  check_products<double, 7, 6>();
+  check_products<double, 6, 6>();
+  check_products<double, 5, 6>();
+  check_products<double, 3, 6>();
+  check_products<double, 3, 3>();
+  check_products<float, 7, 7>();
+  check_products<float, 6, 6>();
+}

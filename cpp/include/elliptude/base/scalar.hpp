@@ -250,21 +250,56 @@ template <typename Scalar, int N>
   return scalar::constant<Scalar>(0.5L) * (m + m.transpose());
 }
 
+namespace detail {
+
+/// How many of so many rows of a product are worked with at a time: those that fill SIMD registers of up to four
+/// numbers, and what is left. Eigen by itself takes two at a time where there are six, and one where there are seven.
+/// Of a symmetric product, two where there are no such registers.
+template <typename Scalar, bool symmetric>
+[[nodiscard]] constexpr int rows_at_a_time(int rows) noexcept {
+  constexpr int packet = Eigen::internal::packet_traits<Scalar>::size;
+  constexpr int width = packet < 4 ? packet : 4;
+  if (width == 1) {
+    return symmetric && rows > 2 ? 2 : rows;
+  }
+  return rows > 4 ? rows - rows % width : rows;
+}
+
+/// Puts `Size` rows of a b from `first` on, in the columns from `begin` on.
+template <int Size, typename A, typename B, typename Product>
+void put_rows_of_product(const A& a, const B& b, Eigen::Index first, Eigen::Index begin, Product& product) noexcept {
+  using Column = Vector<typename A::Scalar, Size>;
+  const Eigen::Index size = Size == Eigen::Dynamic ? a.rows() : Size;
+  for (Eigen::Index j = begin; j < b.cols(); ++j) {
+    Column column = a.col(0).template segment<Size>(first, size) * b(0, j);
+    for (Eigen::Index k = 1; k < a.cols(); ++k) {
+      column += a.col(k).template segment<Size>(first, size) * b(k, j);
+    }
+    product.col(j).template segment<Size>(first, size) = column;
+  }
+}
+
+/// Puts the rows of a b from `First` on; of a symmetric product what is above its diagonal, and some below.
+template <int First, bool symmetric, typename A, typename B, typename Product>
+void put_product(const A& a, const B& b, Product& product) noexcept {
+  constexpr int rows = A::RowsAtCompileTime;
+  constexpr int size = rows == Eigen::Dynamic ? rows : rows_at_a_time<typename A::Scalar, symmetric>(rows - First);
+  put_rows_of_product<size>(a, b, First, symmetric ? First : 0, product);
+  if constexpr (rows != Eigen::Dynamic && First + size < rows) {
+    put_product<First + size, symmetric>(a, b, product);
+  }
+}
+
+}  // namespace detail
+
 /// a b, column by column, each added up apart: a processor without SIMD keeps it in its registers, and needs half the
 /// instructions of `lazyProduct`.
 /// \param product neither a nor b.
 template <typename A, typename B>
 void put_product_by_columns(const A& a, const B& b,
                             Matrix<typename A::Scalar, A::RowsAtCompileTime, B::ColsAtCompileTime>& product) noexcept {
-  using Column = Vector<typename A::Scalar, A::RowsAtCompileTime>;
   product.resize(a.rows(), b.cols());  // of sizes that are known at run time alone
-  for (Eigen::Index j = 0; j < b.cols(); ++j) {
-    Column column = a.col(0) * b(0, j);
-    for (Eigen::Index k = 1; k < a.cols(); ++k) {
-      column += a.col(k) * b(k, j);
-    }
-    product.col(j) = column;
-  }
+  detail::put_product<0, false>(a, b, product);
 }
 template <typename A, typename B>
 [[nodiscard]] Matrix<typename A::Scalar, A::RowsAtCompileTime, B::ColsAtCompileTime> product_by_columns(
@@ -278,6 +313,20 @@ template <typename A, typename B>
 template <typename T, typename Scalar, int N>
 [[nodiscard]] Matrix<Scalar, T::RowsAtCompileTime> congruence(const T& t, const Matrix<Scalar, N>& p) noexcept {
   return product_by_columns(product_by_columns(t, p), t.transpose());
+}
+
+/// The same, exactly symmetric: what is above the diagonal is calculated and mirrored.
+template <typename T, typename Scalar, int N>
+[[nodiscard]] Matrix<Scalar, T::RowsAtCompileTime> symmetric_congruence(const T& t,
+                                                                        const Matrix<Scalar, N>& p) noexcept {
+  Matrix<Scalar, T::RowsAtCompileTime> result(t.rows(), t.rows());
+  detail::put_product<0, true>(product_by_columns(t, p), t.transpose(), result);
+  for (Eigen::Index j = 0; j < t.rows(); ++j) {
+    for (Eigen::Index i = 0; i < j; ++i) {
+      result(j, i) = result(i, j);
+    }
+  }
+  return result;
 }
 
 }  // namespace elliptude

@@ -22,25 +22,27 @@ template <typename Scalar>
 [[nodiscard]] Status relative_attitude(const RigidBody<Scalar>& body, const Scalar& h, const Vector3<Scalar>& a,
                                        Matrix3<Scalar>& f) noexcept {
   const Vector3<Scalar> ha = h * a;
-  const Matrix3<Scalar> twice_inertia = Scalar(2) * body.inertia();
-  const Matrix3<Scalar> half_inverse = scalar::constant<Scalar>(0.5L) * body.inertia_inverse();
+  const Matrix3<Scalar>& inertia = body.inertia();  // 2J as a matrix of its own would be written, and waited for
   const auto residual = [&](const Vector3<Scalar>& c, const Scalar& along) {
-    return Vector3<Scalar>(ha + ha.cross(c) + along * c - twice_inertia * c);
+    return Vector3<Scalar>(ha + ha.cross(c) + along * c - Scalar(2) * (inertia * c));
+  };
+  const auto times_half_inverse = [&](const Vector3<Scalar>& v) {
+    return Vector3<Scalar>(scalar::constant<Scalar>(0.5L) * (body.inertia_inverse() * v));
   };
   // The equation is quadratic in c: a change leaves a residual of at most its square times ‖h a‖.
   const Scalar tolerance = scalar::constant<Scalar>(0.25L) * rounding::one_rounding<Scalar>();
   // Once through the fixed point c = ½ J⁻¹ (h a + h a × c + h c (cᵀa)), which is cheaper than a step of Newton's
   // method.
-  Vector3<Scalar> c = half_inverse * ha;
-  c = half_inverse * Vector3<Scalar>(ha + ha.cross(c) + c.dot(ha) * c);
+  Vector3<Scalar> c = times_half_inverse(ha);
+  c = times_half_inverse(ha + ha.cross(c) + c.dot(ha) * c);
   constexpr int most_steps = 40;
   [[maybe_unused]] auto had_settled = Scalar(1) < Scalar(0);
   for (int step = 0; step < most_steps; ++step) {
     const Scalar along = c.dot(ha);
     // The columns of S(ha) + c haᵀ + (cᵀha) I − 2J, inverted by Cramer's rule.
-    const Vector3<Scalar> n0 = Vector3<Scalar>(along, ha.z(), -ha.y()) + ha.x() * c - twice_inertia.col(0);
-    const Vector3<Scalar> n1 = Vector3<Scalar>(-ha.z(), along, ha.x()) + ha.y() * c - twice_inertia.col(1);
-    const Vector3<Scalar> n2 = Vector3<Scalar>(ha.y(), -ha.x(), along) + ha.z() * c - twice_inertia.col(2);
+    const Vector3<Scalar> n0 = Vector3<Scalar>(along, ha.z(), -ha.y()) + ha.x() * c - Scalar(2) * inertia.col(0);
+    const Vector3<Scalar> n1 = Vector3<Scalar>(-ha.z(), along, ha.x()) + ha.y() * c - Scalar(2) * inertia.col(1);
+    const Vector3<Scalar> n2 = Vector3<Scalar>(ha.y(), -ha.x(), along) + ha.z() * c - Scalar(2) * inertia.col(2);
     const Vector3<Scalar> cofactor0 = n1.cross(n2);
     const Vector3<Scalar> cofactor1 = n2.cross(n0);
     const Vector3<Scalar> cofactor2 = n0.cross(n1);
@@ -157,30 +159,34 @@ template <typename Scalar, typename Potential>
   return scalar::all_finite(stage.torque) ? Status::ok : Status::callback_failed;
 }
 
-/// Eqs. findf0, updateR0, updatew0 over one stage from time t, from what the stage `before` left; `stage` may be the
-/// same. The control torque (body axes, constant over the step) acts beside the potential's.
+/// Eqs. findf0, updateR0, updatew0 over one stage from time t. The control torque (body axes, constant over the step)
+/// acts beside the potential's.
 /// \param free_turn finds the F of the body without torque, as `relative_attitude(body, h, a, f)` does.
+/// \param stage what the stage before left, and then this one; of no use after a failure.
 /// \return `step_too_long`, `callback_failed`.
 template <typename Scalar, typename Potential, typename FreeTurn>
 [[nodiscard]] Status integrate_stage(const RigidBody<Scalar>& body, const Potential& potential, const Scalar& time,
                                      const StageLengths<Scalar>& lengths, const Vector3<Scalar>& control_torque,
-                                     const Stage<Scalar>& before, const FreeTurn& free_turn,
-                                     Stage<Scalar>& stage) noexcept {
+                                     const FreeTurn& free_turn, Stage<Scalar>& stage) noexcept {
   static_assert(is_potential<Potential, Scalar>, "see dynamics/potential.hpp for what a potential is");
-  Stage<Scalar> result;
-  result.momentum = before.body_momentum + lengths.before * (before.torque + control_torque);
-  if (const Status status = free_turn(lengths.turn, result.momentum, result.rotation); status != Status::ok) {
+  stage.momentum = stage.body_momentum + lengths.before * (stage.torque + control_torque);
+  if (const Status status = free_turn(lengths.turn, stage.momentum, stage.rotation); status != Status::ok) {
     return status;
   }
-  result.state.attitude.noalias() = before.state.attitude * result.rotation;
-  result.torque = potential.torque(result.state.attitude, Scalar(time + lengths.turn));
-  if (!scalar::all_finite(result.torque)) {
+  // Written column by column, as it is read: a processor waits where it reads in other pieces what was just written.
+  std::array<Vector3<Scalar>, 3> columns;
+  for (int j = 0; j < 3; ++j) {
+    columns[static_cast<std::size_t>(j)] = stage.state.attitude.lazyProduct(stage.rotation.col(j));
+  }
+  for (int j = 0; j < 3; ++j) {
+    stage.state.attitude.col(j) = columns[static_cast<std::size_t>(j)];
+  }
+  stage.torque = potential.torque(stage.state.attitude, Scalar(time + lengths.turn));
+  if (!scalar::all_finite(stage.torque)) {
     return Status::callback_failed;
   }
-  result.body_momentum =
-      result.rotation.transpose() * result.momentum + lengths.after * (result.torque + control_torque);
-  result.state.angular_velocity.noalias() = body.inertia_inverse() * result.body_momentum;
-  stage = result;
+  stage.body_momentum = stage.rotation.transpose() * stage.momentum + lengths.after * (stage.torque + control_torque);
+  stage.state.angular_velocity.noalias() = body.inertia_inverse() * stage.body_momentum;
   return Status::ok;
 }
 
@@ -226,7 +232,7 @@ template <typename Body, typename Method, typename Scalar, typename Potential, t
     for (int i = 0; i < method.stages; ++i) {
       const auto lengths = StageLengths<Scalar>::of(method, i, h);
       if (const Status status =
-              integrate_stage<Scalar>(body, potential, stage_time, lengths, control_torque, stage, free_turn, stage);
+              integrate_stage<Scalar>(body, potential, stage_time, lengths, control_torque, free_turn, stage);
           status != Status::ok) {
         return status;
       }

@@ -63,39 +63,140 @@ struct MomentumLinearization {
     return result;
   }
 
-  /// A kick of some length: δπ ← δπ + length (𝓜 ζ + δu), with the Jacobian 𝓜 = ∂M/∂ζ of the torque and δu of the
-  /// control.
-  void kick(const Scalar& length, const Matrix3<Scalar>& jacobian) noexcept {
-    const Matrix3<Scalar> transposed = length * jacobian.transpose();
-    momentum += zeta.lazyProduct(transposed);
+  /// A push of some length by the control torque alone: δπ ← δπ + length δu.
+  void push(const Scalar& length) noexcept {
     for (int i = 0; i < 3; ++i) {
       momentum(6 + i, i) += length;
     }
   }
 
-  /// The free rotor, eq. (6.1): ζ ← Fᵀζ + Kδπ and δπ ← S(Fᵀa) Kδπ + Fᵀδπ.
-  void turn(const Matrix3<Scalar>& k_transposed, const Stage<Scalar>& stage) noexcept {
-    const Matrix3<Scalar>& f = stage.rotation;
-    const Vector3<Scalar> carried = f.transpose() * stage.momentum;
-    const Matrix3<Scalar> by_momentum = f - k_transposed.lazyProduct(hat(carried));
-    zeta = (zeta.lazyProduct(f) + momentum.lazyProduct(k_transposed)).eval();
-    momentum = momentum.lazyProduct(by_momentum).eval();
+  /// A kick of some length: δπ ← δπ + length (𝓜 ζ + δu), with the Jacobian 𝓜 = ∂M/∂ζ of the torque and δu of the
+  /// control.
+  void kick(const Scalar& length, const Matrix3<Scalar>& jacobian) noexcept {
+    const Matrix3<Scalar> transposed = length * jacobian.transpose();
+    momentum += zeta.lazyProduct(transposed);
+    push(length);
   }
 
-  /// The same in [ζ; δω].
-  [[nodiscard]] FlowLinearization<Scalar> in_angular_velocity(const RigidBody<Scalar>& body) const noexcept {
+  /// The free rotor, eq. (6.1): ζ ← Fᵀζ + Kδπ and δπ ← S(Fᵀa) Kδπ + Fᵀδπ.
+  void turn(const Matrix3<Scalar>& k_transposed, const Stage<Scalar>& stage) noexcept {
+    zeta = (zeta.lazyProduct(stage.rotation) + momentum.lazyProduct(k_transposed)).eval();
+    momentum = momentum.lazyProduct(momentum_turned(k_transposed, stage)).eval();
+  }
+
+  /// Becomes what a push of some length and a turn make of the identity.
+  void begin_with_push(const Scalar& length, const Matrix3<Scalar>& k_transposed, const Stage<Scalar>& stage) noexcept {
+    const Matrix3<Scalar> turned = momentum_turned(k_transposed, stage);
+    for (int j = 0; j < 3; ++j) {
+      zeta.col(j).template segment<3>(0) = stage.rotation.col(j);
+      zeta.col(j).template segment<3>(3) = k_transposed.col(j);
+      zeta.col(j).template segment<3>(6) = length * k_transposed.col(j);
+      zeta.col(j).template segment<3>(9).setZero();
+      momentum.col(j).template segment<3>(0).setZero();
+      momentum.col(j).template segment<3>(3) = turned.col(j);
+      momentum.col(j).template segment<3>(6) = length * turned.col(j);
+      momentum.col(j).template segment<3>(9).setZero();
+    }
+  }
+
+  /// The same of a kick.
+  void begin_with_kick(const Scalar& length, const Matrix3<Scalar>& jacobian, const Matrix3<Scalar>& k_transposed,
+                       const Stage<Scalar>& stage) noexcept {
+    begin_with_push(length, k_transposed, stage);
+    const Matrix3<Scalar> kick = length * jacobian.transpose();
+    zeta.template topRows<3>() += kick.lazyProduct(k_transposed);
+    momentum.template topRows<3>() = kick.lazyProduct(momentum.template middleRows<3>(3));
+  }
+
+  /// Puts the same in [ζ; δω] where it shall be.
+  void put_in_angular_velocity(const RigidBody<Scalar>& body, FlowLinearization<Scalar>& result) const noexcept {
     const Matrix<Scalar, 12, 3> rate = momentum.lazyProduct(body.inertia_inverse());
     const Matrix3<Scalar>& inertia = body.inertia();
-    FlowLinearization<Scalar> result;
     result.state.template topLeftCorner<3, 3>() = zeta.template middleRows<3>(0).transpose();
     result.state.template topRightCorner<3, 3>() = zeta.template middleRows<3>(3).transpose().lazyProduct(inertia);
     result.state.template bottomLeftCorner<3, 3>() = rate.template middleRows<3>(0).transpose();
     result.state.template bottomRightCorner<3, 3>() = rate.template middleRows<3>(3).transpose().lazyProduct(inertia);
     result.control.template topRows<3>() = zeta.template middleRows<3>(6).transpose();
     result.control.template bottomRows<3>() = rate.template middleRows<3>(6).transpose();
-    return result;
+  }
+
+ private:
+  /// What a turn multiplies δπ by, transposed: F + Kᵀ S(Fᵀa)ᵀ.
+  [[nodiscard]] static Matrix3<Scalar> momentum_turned(const Matrix3<Scalar>& k_transposed,
+                                                       const Stage<Scalar>& stage) noexcept {
+    const Vector3<Scalar> carried = stage.rotation.transpose() * stage.momentum;
+    return stage.rotation - k_transposed.lazyProduct(hat(carried));
   }
 };
+
+namespace detail {
+
+/// Linearizes stage by stage. The kick at the end of a stage and that at the start of the next are one, as the attitude
+/// between them is the same; and the first stage starts from the identity, which needs no product.
+template <typename Scalar, typename Potential>
+class Linearizer {
+ public:
+  Matrix3<Scalar> k_transposed;  ///< of the free turn of the next stage
+
+  /// \return `callback_failed` for a torque Jacobian that is not finite.
+  [[nodiscard]] Status start(const Potential& potential, const Matrix3<Scalar>& attitude, const Scalar& time) noexcept {
+    return find_jacobian(potential, attitude, time);
+  }
+
+  /// \param stage that has been integrated, until `time`. \return as `start`.
+  [[nodiscard]] Status go_on(const Potential& potential, const StageLengths<Scalar>& lengths,
+                             const Stage<Scalar>& stage, const Scalar& time) noexcept {
+    const Scalar length = left_ + lengths.before;
+    left_ = lengths.after;
+    if (has_begun_) {
+      act(length);
+      total_.turn(k_transposed, stage);
+    } else if constexpr (has_torque<Potential>) {
+      total_.begin_with_kick(length, jacobian_, k_transposed, stage);
+    } else {
+      total_.begin_with_push(length, k_transposed, stage);
+    }
+    has_begun_ = true;
+    return find_jacobian(potential, stage.state.attitude, time);
+  }
+
+  /// After the last stage.
+  [[nodiscard]] const MomentumLinearization<Scalar>& end() noexcept {
+    if (!has_begun_) {
+      total_ = MomentumLinearization<Scalar>::identity();
+    }
+    act(left_);
+    left_ = Scalar(0);
+    return total_;
+  }
+
+ private:
+  [[nodiscard]] Status find_jacobian([[maybe_unused]] const Potential& potential,
+                                     [[maybe_unused]] const Matrix3<Scalar>& attitude,
+                                     [[maybe_unused]] const Scalar& time) noexcept {
+    if constexpr (has_torque<Potential>) {
+      jacobian_ = potential.torque_jacobian(attitude, time);
+      return scalar::all_finite(jacobian_) ? Status::ok : Status::callback_failed;
+    } else {
+      return Status::ok;
+    }
+  }
+
+  void act(const Scalar& length) noexcept {
+    if constexpr (has_torque<Potential>) {
+      total_.kick(length, jacobian_);
+    } else {
+      total_.push(length);
+    }
+  }
+
+  MomentumLinearization<Scalar> total_;
+  Matrix3<Scalar> jacobian_;  // of the torque at the present attitude
+  Scalar left_{0};            // how long that torque still acts after the last turn
+  bool has_begun_ = false;
+};
+
+}  // namespace detail
 
 /// As `integrate`, and the linearization of all the steps together: A^f = A_{l−1} … A_0 (paper, eq. flow).
 ///
@@ -124,14 +225,12 @@ template <typename Body, typename Method, typename Scalar, typename Potential>
   if (const Status status = start_stage(body, potential, time, state, stage); status != Status::ok) {
     return status;
   }
-  Matrix3<Scalar> jacobian = potential.torque_jacobian(state.attitude, time);
-  if (!scalar::all_finite(jacobian)) {
-    return Status::callback_failed;
+  detail::Linearizer<Scalar, Potential> linearizer;
+  if (const Status status = linearizer.start(potential, state.attitude, time); status != Status::ok) {
+    return status;
   }
-  auto total = MomentumLinearization<Scalar>::identity();
-  Matrix3<Scalar> k_transposed;
   const auto free_turn = [&](const Scalar& length, const Vector3<Scalar>& momentum, Matrix3<Scalar>& f) {
-    return relative_attitude_linearized(body, length, momentum, f, k_transposed);
+    return relative_attitude_linearized(body, length, momentum, f, linearizer.k_transposed);
   };
   for (long step = 0; step < steps; ++step) {
     if (interruption.after(step)) {
@@ -141,22 +240,18 @@ template <typename Body, typename Method, typename Scalar, typename Potential>
     for (int i = 0; i < method.stages; ++i) {
       const auto lengths = StageLengths<Scalar>::of(method, i, h);
       if (const Status status =
-              integrate_stage<Scalar>(body, potential, stage_time, lengths, control_torque, stage, free_turn, stage);
+              integrate_stage<Scalar>(body, potential, stage_time, lengths, control_torque, free_turn, stage);
           status != Status::ok) {
         return status;
       }
       stage_time += lengths.turn;
-      total.kick(lengths.before, jacobian);
-      total.turn(k_transposed, stage);
-      jacobian = potential.torque_jacobian(stage.state.attitude, stage_time);
-      if (!scalar::all_finite(jacobian)) {
-        return Status::callback_failed;
+      if (const Status status = linearizer.go_on(potential, lengths, stage, stage_time); status != Status::ok) {
+        return status;
       }
-      total.kick(lengths.after, jacobian);
     }
   }
   next = stage.state;
-  linearization = total.in_angular_velocity(body);
+  linearizer.end().put_in_angular_velocity(body, linearization);
   return Status::ok;
 }
 

@@ -91,6 +91,12 @@ struct FreeBody {
   }
 };
 
+/// Whether a potential may have a torque.
+template <typename Potential>
+constexpr bool has_torque = true;
+template <typename Scalar>
+constexpr bool has_torque<FreeBody<Scalar>> = false;
+
 /// Uniform gravity on a body held at a point, the 3D pendulum: U = −m g e₃ᵀCρ. The third reference axis points down.
 /// M = m g ρ × Cᵀe₃, ∂M/∂ζ = m g S(ρ) S(Cᵀe₃).
 template <typename Scalar>

@@ -264,12 +264,12 @@ class GyroFlow {
     result.transition.template topLeftCorner<3, 3>() = f.transpose();
     result.transition.template topRightCorner<3, 3>() = by_rate;
     result.noise.setZero();
-    result.noise.template topLeftCorner<3, 3>() = symmetrized(congruence(by_rate, noise_));
+    result.noise.template topLeftCorner<3, 3>() = symmetric_congruence(by_rate, noise_);
     // A drift β' that is constant over the interval turns the attitude by half of what its end value would.
     Matrix<Scalar, 6, 3> by_drift;
     by_drift.template topRows<3>() = scalar::constant<Scalar>(0.5L) * duration * by_rate;
     by_drift.template bottomRows<3>() = duration * Matrix3<Scalar>::Identity();
-    result.drift = symmetrized(congruence(by_drift, drift_));
+    result.drift = symmetric_congruence(by_drift, drift_);
     return result;
   }
 

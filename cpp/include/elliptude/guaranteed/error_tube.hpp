@@ -198,7 +198,7 @@ Matrix6<Scalar> ErrorTube<Scalar, Potential>::shape() const noexcept {
   const Vector6<Scalar> widths = set_.colwise().squaredNorm();
   Matrix6<Scalar> shape = congruence_of_lower(set_, moved_ball(set_inverse, widths));
   add_pushes(set_inverse, Scalar(widths.sum()), shape);
-  Matrix6<Scalar> whole = symmetrized(congruence(frame_, shape));
+  Matrix6<Scalar> whole = symmetric_congruence(frame_, shape);
   // Entry (i, j) errs by at most 16 ε √(mᵢmⱼ), which this diagonal outweighs.
   const Vector6<Scalar> magnitude =
       frame_.cwiseAbs().lazyProduct(Vector6<Scalar>(shape.diagonal().cwiseSqrt())).cwiseAbs2();

@@ -108,7 +108,7 @@ template <typename Scalar, int N>
 template <typename Scalar, int N>
 [[nodiscard]] Matrix<Scalar, N> transformed_shape(const Matrix<Scalar, N>& transform,
                                                   const Matrix<Scalar, N>& shape) noexcept {
-  Matrix<Scalar, N> result = symmetrized(congruence(transform, shape));
+  Matrix<Scalar, N> result = symmetric_congruence(transform, shape);
   Matrix<Scalar, N> factor;
   if (cholesky(result, factor) != Status::ok && cholesky(shape, factor) == Status::ok) {
     const Vector<Scalar, N> width = transform.cwiseAbs().lazyProduct(Vector<Scalar, N>(shape.diagonal().cwiseSqrt()));
@@ -121,7 +121,7 @@ template <typename Scalar, int N>
 template <typename Scalar, int M, int N>
 [[nodiscard]] Matrix<Scalar, M> covered_image(const Matrix<Scalar, M, N>& transform,
                                               const Matrix<Scalar, N>& shape) noexcept {
-  Matrix<Scalar, M> result = symmetrized(congruence(transform, shape));
+  Matrix<Scalar, M> result = symmetric_congruence(transform, shape);
   const Vector<Scalar, M> width = transform.cwiseAbs().lazyProduct(Vector<Scalar, N>(shape.diagonal().cwiseSqrt()));
   result.diagonal() += rounding::share<Scalar>(rounding::image) * width.cwiseAbs2();
   return result;
@@ -133,7 +133,7 @@ template <typename Scalar, int M, int N>
 [[nodiscard]] Ellipsoid<Scalar, M> affine_image(const Ellipsoid<Scalar, N>& ellipsoid,
                                                 const Matrix<Scalar, M, N>& transform,
                                                 const Vector<Scalar, M>& shift) noexcept {
-  return {transform.lazyProduct(ellipsoid.center) + shift, symmetrized(congruence(transform, ellipsoid.shape))};
+  return {transform.lazyProduct(ellipsoid.center) + shift, symmetric_congruence(transform, ellipsoid.shape)};
 }
 
 /// The projection on `Size` consecutive coordinates from `First` on.

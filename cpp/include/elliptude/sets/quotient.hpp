@@ -54,7 +54,7 @@ class QuestionedSet {
   }
 
  private:
-  [[nodiscard]] Form seen(const Form& form) const noexcept { return symmetrized(congruence(transposed_, form)); }
+  [[nodiscard]] Form seen(const Form& form) const noexcept { return symmetric_congruence(transposed_, form); }
 
   /// A bound of the terms that an entry of the form was summed from.
   [[nodiscard]] Scalar magnitude(const Form& form) const noexcept {

@@ -230,7 +230,7 @@ template <typename Scalar>
                                                         const Matrix6<Scalar>& shape) noexcept {
   Matrix6<Scalar> transform = Matrix6<Scalar>::Identity();
   transform.template topLeftCorner<3, 3>() = g;
-  return symmetrized(congruence(transform, shape));
+  return symmetric_congruence(transform, shape);
 }
 
 /// `recentred`, where rounding leaves the shape definite.

@@ -150,7 +150,7 @@ template <typename State, int Rows>
                                                      const StateEllipsoid<State>& predicted,
                                                      StateScalar<State>& margin) noexcept {
   using Scalar = StateScalar<State>;
-  const Matrix<Scalar, Rows> image = symmetrized(congruence(measurement.h, predicted.shape));
+  const Matrix<Scalar, Rows> image = symmetric_congruence(measurement.h, predicted.shape);
   Matrix<Scalar, Rows> factor;
   const Truth<Scalar> valid =
       finite(image) && in_domain(image) && definite_cholesky(image, factor) && semidefinite(measurement.bound);

@@ -26,7 +26,7 @@ template <typename Scalar>
 [[nodiscard]] Truth<Scalar> transformed(const Matrix6<Scalar>& transform, const Matrix6<Scalar>& shape,
                                         Matrix6<Scalar>& result) noexcept {
   Matrix6<Scalar> factor;
-  result = symmetrized(congruence(transform, shape));
+  result = symmetric_congruence(transform, shape);
   return lanewise::cholesky(result, factor);
 }
 
