@@ -83,6 +83,7 @@ class Stated:
         self._configuration = configuration
         self._began: float | None = None
         self._rest: tuple[FloatArray, GyroBounds] | None = None
+        self._is_refused = False
 
     def rates(self, log: Log) -> StatedRates | None:
         """The rates of a log with their bounds; None where nothing is stated of what a body does between them.
@@ -104,6 +105,8 @@ class Stated:
             if is_first and self._configuration.rule is not None:
                 self._rest = self._bias_at_rest(log)
         except ValueError:
+            # No rest where a rule states one, or samples too far apart: the guaranteed mode refuses such a log.
+            self._is_refused = self._configuration.estimator.mode == "guaranteed"
             return None
         if self._configuration.rule is not None:
             if self._rest is None:
@@ -118,10 +121,13 @@ class Stated:
         return StatedRates(rates - bias, gyro, _beside(log, rates, samples, longest, flow))
 
     def quotient(self, log: Log, name: str) -> float:
-        """The largest difference of a direction's means over what is stated, (18.16); 0 where nothing is stated."""
+        """The largest difference of a direction's means over what is stated, (18.16); 0 where nothing is stated.
+
+        Infinite if the log contradicts what is stated of its rest and of its samples' times.
+        """
         found, i = self.rates(log), self._index(name)
         if found is None or i is None:
-            return 0.0
+            return np.inf if self._is_refused else 0.0
         vectors, statement = self.vectors(log, i)
         quotients = sensor_axes.misfits(
             log.times, found.rates, vectors, found.gyro, statement, 1.0, beside=found.beside
@@ -132,7 +138,7 @@ class Stated:
         """The same of the axes of the reference attitude, seen from the body; what is not stated of it is no error."""
         found, truth = self.rates(log), self._configuration.truth
         if found is None or truth is None or log.true_attitudes is None:
-            return 0.0
+            return np.inf if self._is_refused else 0.0
         offset = self._configuration.time_offset_of_truth
         if (sampled := log.true_sampled) is not None:
             offset += float(np.abs(sampled - log.times).max())
