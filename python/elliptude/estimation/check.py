@@ -21,6 +21,7 @@ from elliptude.logs.body_at_rest import UpAtRest, up_in_log
 from elliptude.logs.log import Log, Samples
 from elliptude.logs.plausibility import Finding
 from elliptude.logs.saturation import Saturation
+from elliptude.logs.silence import silent_sensors
 from elliptude.typing import FloatArray
 
 # In median steps: a longer step is a gap.
@@ -123,6 +124,7 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
             saturation = Saturation(configuration)
             saturation.add(log)
             findings += [Finding("warning", "", said) for said in saturation.said()]
+            findings += [Finding("warning", name, said) for name, said in silent_sensors(samples, log)]
             up = up_in_log(log, configuration)
             findings += _refused(log, configuration, findings)
     findings += [

@@ -316,6 +316,35 @@ def test_an_accelerometer_that_does_not_show_gravity_is_no_error(tmp_path):
     assert found(tmp_path, arrays)[0]["good"]
 
 
+@pytest.mark.parametrize(("array", "name"), [("gyr", "the gyro"), ("acc", "up"), ("mag", "field")])
+def test_a_sensor_that_stops_or_gets_stuck(tmp_path, array, name):
+    """It is named, with the row and the time; a rest at first, or a sensor slower than its stamps, is neither."""
+    arrays = recording()
+    arrays[array][1200:] = arrays[array][1200]
+    _, messages = found(tmp_path, arrays)
+    said = f"warning: {name}: shows the same from row 1201 (12.000000 s) on, to its end (800 samples): is it stuck?"
+    assert said in messages
+    arrays = recording()
+    arrays[array][1200:1500] = arrays[array][1200]
+    _, messages = found(tmp_path, arrays)
+    assert (
+        f"warning: {name}: shows the same from row 1201 (12.000000 s) on, for 2.99 s (300 samples): is it stuck?"
+        in messages
+    )
+    arrays = recording()
+    if array != "gyr":  # of which every row is needed
+        arrays[array][1200:] = np.nan
+        _, messages = found(tmp_path, arrays)
+        assert f"warning: {name}: stops after row 1200 (11.990000 s); others go on for 8 s" in messages
+    arrays = recording()
+    arrays[array][:500] = arrays[array][0]
+    slow = recording()
+    slow[array] = slow[array][np.arange(2000) // 40 * 40]
+    for one in (arrays, slow, recording()):
+        _, messages = found(tmp_path, one)
+        assert not [message for message in messages if "stuck" in message or "stops" in message]
+
+
 def test_each_fault_is_listed(tmp_path):
     arrays = recording()
     arrays["acc"][7] = 0.0
