@@ -124,6 +124,9 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
             saturation = Saturation(configuration)
             saturation.add(log)
             findings += [Finding("warning", "", said) for said in saturation.said()]
+            lasted = float(log.times[-1] - log.times[0]) if len(log.times) else 0.0
+            too_long = suspicions.of_configured_duration(configuration, lasted)
+            findings += [Finding("warning", one.sensor, f"suspicious: {one.message}") for one in too_long]
             findings += [Finding("warning", name, said) for name, said in silent_sensors(samples, log)]
             up = up_in_log(log, configuration)
             findings += _refused(log, configuration, findings)

@@ -16,6 +16,7 @@ import numpy as np
 import scipy
 
 from elliptude import units
+from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer, AnyDirection, FieldBound, Magnetometer
@@ -147,8 +148,11 @@ def plausible_pieces(
     heard = Heard() if heard is None else heard
     saturation, stated = Saturation(configuration), Stated(configuration)
     is_told = False
+    begin = end = None
     for piece in pieces:
         saturation.add(piece)
+        if len(piece.times):
+            begin, end = piece.times[0] if begin is None else begin, piece.times[-1]
         if is_told:
             yield piece
             continue
@@ -161,6 +165,8 @@ def plausible_pieces(
         _require_plausible(joined(waiting), configuration, stated, name, heard)
         yield from waiting
     heard.suspicious += saturation.said()
+    if begin is not None and end is not None:
+        heard.suspicious += map(str, suspicions.of_configured_duration(configuration, float(end - begin)))
 
 
 def _require_plausible(log: Log, configuration: Configuration, stated: Stated, name: str, heard: Heard) -> bool:
