@@ -20,8 +20,8 @@ from elliptude.logs import plausibility
 from elliptude.logs.body_at_rest import UpAtRest, up_in_log
 from elliptude.logs.log import Log, Samples
 from elliptude.logs.plausibility import Finding
-from elliptude.logs.saturation import Saturation
-from elliptude.logs.silence import silent_sensors
+from elliptude.logs.signals.saturation import Saturation
+from elliptude.logs.signals.silence import silent_sensors
 from elliptude.typing import FloatArray
 
 # In median steps: a longer step is a gap.

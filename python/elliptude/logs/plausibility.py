@@ -35,7 +35,7 @@ from elliptude.logs.quaternion_readings import (
     readings_of,
     slope,
 )
-from elliptude.logs.saturation import Saturation
+from elliptude.logs.signals.saturation import Saturation
 from elliptude.typing import FloatArray
 
 # T; the Earth's field at sea level.
