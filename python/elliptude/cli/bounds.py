@@ -239,6 +239,8 @@ def bounds(
             _write(rule, rule_document(proposed, margin, source.name, carried))
         ruled = rule_tables(proposed, margin, carried=carried, own_rest=own_rest_of(tables))
         found = suspicions.of_rule(numbers_of(ruled), stated="proposed", carried=carried)
+        lasted = float(recording.times[-1] - recording.times[0])
+        found += suspicions.of_duration(numbers_of(ruled)["gyro"], lasted, carried)
         suspicious = [*map(str, found), *heard.suspicious]
         no_rule, says = None, list[str]()
         if mode == "guaranteed" and "rule" not in tables:

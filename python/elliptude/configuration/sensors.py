@@ -334,6 +334,12 @@ class DirectionBase(Timed):
         return 0.0
 
     @property
+    def is_bound_by_angle(self) -> bool:
+        """Whether what is stated is an angle, the same for every sample."""
+        by_shape = self.bound_deg is not None or self.bound_rad2 is not None
+        return by_shape or isinstance(self.bound_from, AngleBound)
+
+    @property
     def reference_rate(self) -> float:
         """How fast the reference direction turns at most, in reference axes, rad/s."""
         return 0.0

@@ -46,6 +46,8 @@ _USUAL: Mapping[tuple[str, str], _Usual] = {
     ("magnetometer", "averaged_error_ut"): _Usual(5.0, "is it calibrated?"),
 }
 _NEXT_TO_NOTHING_DEG = 90.0
+# s; the rules of the package are for recordings of up to ten minutes.
+_LONGEST_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,44 @@ def of_configuration(configuration: Configuration) -> list[Suspicion]:
     for sensor in configuration.directions:
         found += _of_sensor(sensor, carried)
     return found
+
+
+def of_duration(gyro: Mapping[str, Any], lasted: float, carried: Carried = "hand") -> list[Suspicion]:
+    """What is suspicious of a recording that lasts longer than the rules of the package are for.
+
+    Parameters
+    ----------
+    gyro : mapping
+        From keys of a rule's table ``gyro`` to numbers.
+    lasted : float
+        s.
+    carried : {"hand", "person", "drone", "car", "boat"}
+        Whose numbers are the usual ones.
+
+    Returns
+    -------
+    list of Suspicion
+        None if a drift is stated, or more is left of the bias than by the rule.
+    """
+    usual = rules.rule_for(carried).gyro.bias_deg_per_s
+    if lasted <= _LONGEST_S or gyro.get("drift_deg_per_s2") or float(gyro.get("bias_deg_per_s") or 0.0) > usual:
+        return []
+    said = (
+        f"the recording lasts {lasted / 60.0:.3g} minutes, and the numbers of the rules are for up to ten: a gyro's "
+        "bias drifts as it warms up. State bias_deg_per_s for all of it, or drift_deg_per_s2, or cut the recording"
+    )
+    return [Suspicion("gyro", said)]
+
+
+def of_configured_duration(configuration: Configuration, lasted: float) -> list[Suspicion]:
+    """The same of a configuration with a rule, or with the numbers of one, as `carried` says."""
+    if configuration.rule is not None:
+        rule = configuration.rule.rule()
+        return of_duration(rule.gyro.model_dump(mode="json"), lasted, rule.carried or "hand")
+    flow = configuration.flow
+    if configuration.carried is None or not isinstance(flow, GyroFlow):
+        return []
+    return of_duration(flow.model_dump(mode="json"), lasted, configuration.carried)
 
 
 def _of_sensor(sensor: AnyDirection, carried: Carried) -> Iterator[Suspicion]:

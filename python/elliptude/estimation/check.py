@@ -20,7 +20,8 @@ from elliptude.logs import plausibility
 from elliptude.logs.body_at_rest import UpAtRest, up_in_log
 from elliptude.logs.log import Log, Samples
 from elliptude.logs.plausibility import Finding
-from elliptude.logs.saturation import Saturation
+from elliptude.logs.signals.saturation import Saturation
+from elliptude.logs.signals.silence import silent_sensors
 from elliptude.typing import FloatArray
 
 # In median steps: a longer step is a gap.
@@ -123,6 +124,10 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
             saturation = Saturation(configuration)
             saturation.add(log)
             findings += [Finding("warning", "", said) for said in saturation.said()]
+            lasted = float(log.times[-1] - log.times[0]) if len(log.times) else 0.0
+            too_long = suspicions.of_configured_duration(configuration, lasted)
+            findings += [Finding("warning", one.sensor, f"suspicious: {one.message}") for one in too_long]
+            findings += [Finding("warning", name, said) for name, said in silent_sensors(samples, log)]
             up = up_in_log(log, configuration)
             findings += _refused(log, configuration, findings)
     findings += [

@@ -100,7 +100,7 @@ class Gap:
     after: float
     """Likewise in the first row after it, with what was measured there."""
     rows_without_set: int
-    """Rows from the gap on until there is a set again; 0 if there was none before it."""
+    """Rows from the gap on until there is a set again, whatever is lost later; 0 if there was none before it."""
 
 
 def gaps_of(
@@ -214,6 +214,7 @@ def summarize(gaps: tuple[Gap, ...], gyro: GyroBounds | None) -> dict[str, Any]:
         "total_s": sum(gap.duration for gap in gaps),
         "forgotten": sum(gap.turn >= np.pi or gap.rows_without_set > 0 for gap in gaps),
         "rows_without_set": sum(gap.rows_without_set for gap in gaps),
+        "without_set_before": sum(not np.isfinite(gap.before) for gap in gaps),
         "listed": [
             {
                 "time_s": gap.time,
@@ -241,8 +242,14 @@ def _said(summary: dict[str, Any]) -> list[str]:
         *([] if acceleration is None else [f"a rate that changes by at most {acceleration:g} °/s²"]),
     ]
     known = ", ".join(stated) or "nothing is known of them"
-    without = summary["rows_without_set"]
-    lost = f"{without} row{'s' if without > 1 else ''} without a set" if without else "the row behind each has a set"
+    without, before = summary["rows_without_set"], summary["without_set_before"]
+    lost = "the row behind each has a set"
+    if without:
+        lost = f"{without} row{'s' if without > 1 else ''} in all until there is a set again"
+    elif before:
+        lost = "none of them ended a set"
+    if before:
+        lost += f"; before {'each' if before == count else f'{before} of them'} there was no set"
     lines = [
         f"{_counted(count)} in the gyro, longer than {summary['longest_interval_s']:.4g} s "
         f"({summary['total_s']:.3g} s in all; {known}): {lost}"
@@ -256,7 +263,7 @@ def _said(summary: dict[str, Any]) -> list[str]:
         if before is None:
             cost = "there was no set before it"
         elif rows:
-            cost = f"attitude forgotten, {rows} rows without a set"
+            cost = f"attitude forgotten, {rows} row{'s' if rows > 1 else ''} until there is a set again"
         else:
             cost = f"{LARGEST_ANGLE} {before:.3g} degrees before and {after:.3g} after it"
             cost = f"attitude forgotten and measured anew, {cost}" if forgotten else cost

@@ -439,17 +439,37 @@ def filter_of(
 ) -> elliptude.GuaranteedFilter:
     """The guaranteed filter at the first row, before its measurements; arguments as of `run_filter`."""
     settings = configuration.estimator
-    return elliptude.GuaranteedFilter(
-        given.flow,
-        start,
-        time=float(given.times[0]),
-        criterion=settings.criterion,
-        weight=settings.weight(),
-        policy=settings.policy,
-        most_wrong=settings.most_wrong,
-        regain_after=settings.regain_after,
-        vector_bound=given.vector_bound,
-        estimate_vector=given.estimates_vector,
+    try:
+        return elliptude.GuaranteedFilter(
+            given.flow,
+            start,
+            time=float(given.times[0]),
+            criterion=settings.criterion,
+            weight=settings.weight(),
+            policy=settings.policy,
+            most_wrong=settings.most_wrong,
+            regain_after=settings.regain_after,
+            vector_bound=given.vector_bound,
+            estimate_vector=given.estimates_vector,
+        )
+    except ValueError as error:
+        if start is None or given.vector_bound is None or "nothing in common with what start says" not in str(error):
+            raise
+        raise ValueError(_start_beyond_bound(start, given.vector_bound, configuration)) from error
+
+
+def _start_beyond_bound(start: elliptude.StateEllipsoid, bound: float, configuration: Configuration) -> str:
+    """What is said of a start whose angular velocity, or bias, is beyond its bound, rad/s."""
+    about, most = np.rad2deg(np.linalg.norm(start.vector)), np.rad2deg(bound)
+    if isinstance(configuration.flow, GyroFlow):
+        return (
+            "start.rate_rad_per_s (with P) and flow.bias_deg_per_s have nothing in common, one of them is wrong: the "
+            f"start's bias is about {about:.4g} deg/s from flow.known_bias_deg_per_s, and the bound, with the drift, "
+            f"is {most:.4g} deg/s"
+        )
+    return (
+        "start.rate_rad_per_s (with P) and flow.largest_rate_deg_per_s have nothing in common, one of them is wrong: "
+        f"the start turns by about {about:.4g} deg/s, and the bound is {most:.4g} deg/s"
     )
 
 

@@ -16,11 +16,13 @@ import numpy as np
 import scipy
 
 from elliptude import units
+from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer, AnyDirection, FieldBound, Magnetometer
 from elliptude.io.files import FileError, sentence
 from elliptude.logs.axes.axes_check import look_at_axes
+from elliptude.logs.axes.stated import Stated
 from elliptude.logs.body_at_rest import UpAtRest, up_in_log
 from elliptude.logs.log import Log, joined
 from elliptude.logs.quaternion_readings import (
@@ -33,11 +35,12 @@ from elliptude.logs.quaternion_readings import (
     readings_of,
     slope,
 )
-from elliptude.logs.saturation import Saturation
+from elliptude.logs.signals.saturation import Saturation
 from elliptude.typing import FloatArray
 
 # T; the Earth's field at sea level.
 WEAKEST_FIELD, STRONGEST_FIELD = 1e-6 * units.WEAKEST_FIELD_UT, 7.0e-5
+_MICROTESLA = units.FIELD["uT"]
 BLOCK_ROWS = 1 << 18
 """Rows of a long log that are checked together."""
 
@@ -143,28 +146,33 @@ def plausible_pieces(
     """
     waiting: list[Log] = []
     heard = Heard() if heard is None else heard
-    saturation = Saturation(configuration)
+    saturation, stated = Saturation(configuration), Stated(configuration)
     is_told = False
+    begin = end = None
     for piece in pieces:
         saturation.add(piece)
+        if len(piece.times):
+            begin, end = piece.times[0] if begin is None else begin, piece.times[-1]
         if is_told:
             yield piece
             continue
         waiting.append(piece)
         if sum(len(part.times) for part in waiting) >= BLOCK_ROWS:
-            is_told = _require_plausible(joined(waiting), configuration, name, heard)
+            is_told = _require_plausible(joined(waiting), configuration, stated, name, heard)
             yield from waiting
             waiting = []
     if waiting:
-        _require_plausible(joined(waiting), configuration, name, heard)
+        _require_plausible(joined(waiting), configuration, stated, name, heard)
         yield from waiting
     heard.suspicious += saturation.said()
+    if begin is not None and end is not None:
+        heard.suspicious += map(str, suspicions.of_configured_duration(configuration, float(end - begin)))
 
 
-def _require_plausible(log: Log, configuration: Configuration, name: str, heard: Heard) -> bool:
+def _require_plausible(log: Log, configuration: Configuration, stated: Stated, name: str, heard: Heard) -> bool:
     """Whether the log has moved enough, or no further check would help."""
     heard.up = heard.up or up_in_log(log, configuration)
-    findings, is_told = _look(log, configuration)
+    findings, is_told = _look(log, configuration, stated)
     errors = [str(finding) for finding in findings if finding.severity == "error"]
     # What an accelerometer shows beside gravity turns as it likes: `check` says it, and it means little.
     forces = {sensor.name for sensor in configuration.directions if isinstance(sensor, Accelerometer)}
@@ -191,14 +199,19 @@ def contradictions(log: Log, configuration: Configuration) -> list[Finding]:
     -------
     list of Finding
     """
-    return _look(log, configuration)[0]
+    return _look(log, configuration, Stated(configuration))[0]
 
 
-def _look(log: Log, configuration: Configuration) -> tuple[list[Finding], bool]:
-    """What was found, and whether the log has moved enough to check its directions and rates."""
+def _look(log: Log, configuration: Configuration, stated: Stated) -> tuple[list[Finding], bool]:
+    """What was found, and whether the log has moved enough to check its directions and rates.
+
+    Slopes and choices of axes suggest what is wrong; an error is only what a proof stands beside: means of the
+    direction that differ by more than all that is stated allows.
+    """
+    stated.rates(log)  # in the first piece of a recording the bias is known
     turns = _Turns(log, configuration)
     by_direction = [_gyro_against_direction(log, turns, i, sensor) for i, sensor in enumerate(configuration.directions)]
-    found = [finding for finding in by_direction if isinstance(finding, Finding)]
+    found = [_if_sure(finding, log, stated) for finding in by_direction if isinstance(finding, Finding)]
     is_confirmed = "confirmed" in by_direction
     of_unit: list[Finding] = [finding for finding in found if isinstance(finding, _WrongUnit)]
     # One that confirms the rate is enough: the others are at fault themselves, or do not stand still in the reference.
@@ -207,17 +220,17 @@ def _look(log: Log, configuration: Configuration) -> tuple[list[Finding], bool]:
     elif of_unit:
         # A rate of another size explains all else that does not turn as it says; axes tried against it show nothing.
         return of_unit + _fields_in_other_units(log, configuration), False
-    if not is_confirmed and (stuck := _stuck_gyro(log, configuration)) is not None:
+    if not is_confirmed and (stuck := _stuck_gyro(log, configuration, stated)) is not None:
         return [stuck, *_fields_in_other_units(log, configuration)], False
-    axes = look_at_axes(log, configuration)
+    axes = look_at_axes(log, configuration, stated)
     if axes.wrong:
         # What is sure, with what would be right, comes before what a slope only suggests.
         named = {wrong.sensor for wrong in axes.wrong}
         found = [] if named & {"the gyro", "rate"} else [finding for finding in found if finding.sensor not in named]
-        found += [Finding("error", wrong.sensor, wrong.message) for wrong in axes.wrong]
+        found += [Finding("error" if wrong.is_sure else "warning", wrong.sensor, wrong.message) for wrong in axes.wrong]
     found += _fields_in_other_units(log, configuration)
     if not any(finding.severity == "error" for finding in found):
-        attitude = _reference_attitude(log, turns, configuration)
+        attitude = _reference_attitude(log, turns, configuration, stated)
         found += [attitude] if attitude is not None else []
     return found, is_confirmed and axes.is_told
 
@@ -238,13 +251,24 @@ def field_in_another_unit(strength: float, sensor: Magnetometer) -> str:
 
 
 def voids_statements(strength: float, sensor: AnyDirection, configuration: Configuration) -> bool:
-    """Whether a field (T) is too strong in the stated unit and not in another: errors in µT then count too little."""
-    return (
-        isinstance(sensor, Magnetometer)
-        and (configuration.rule is not None or isinstance(sensor.bound_from, FieldBound))
-        and strength > STRONGEST_FIELD
-        and bool(field_in_another_unit(strength, sensor))
-    )
+    """Whether a field (T) is too strong in the stated unit and not in another: errors in µT then count too little.
+
+    The sensor shows (I + K) x + e of a field x, which is the Earth's and what is beside it. So with all of that as
+    large as is stated no sample is longer than (1 + k) (B + d) + ε, where the Earth's field B is at most 70 µT.
+    """
+    if not isinstance(sensor, Magnetometer) or not field_in_another_unit(strength, sensor):
+        return False
+    if configuration.rule is not None:
+        rule = configuration.calibrated_rule().magnetometer
+        if rule is None:
+            return False
+        own, beside = rule.sensor(), rule.disturbance_ut
+    elif isinstance(sensor.bound_from, FieldBound):
+        own, beside = configuration.sensor_bounds(sensor), sensor.bound_from.disturbance_ut
+    else:
+        return False
+    strongest = (1.0 + own.scale_error) * (STRONGEST_FIELD / _MICROTESLA + beside) + own.error
+    return strength > _MICROTESLA * strongest
 
 
 def _fields_in_other_units(log: Log, configuration: Configuration) -> list[Finding]:
@@ -260,7 +284,14 @@ def _fields_in_other_units(log: Log, configuration: Configuration) -> list[Findi
     return found
 
 
-def _stuck_gyro(log: Log, configuration: Configuration) -> Finding | None:
+def _if_sure(finding: Finding, log: Log, stated: Stated) -> Finding:
+    """The finding, of a direction's name, and a mere warning unless what is stated rules out what the log shows."""
+    if finding.severity == "warning" or stated.quotient(log, finding.sensor) > 1.0:
+        return finding
+    return replace(finding, severity="warning")
+
+
+def _stuck_gyro(log: Log, configuration: Configuration, stated: Stated) -> Finding | None:
     """Whether the rate is the same in all rows of a body that turns otherwise."""
     if log.rates is None:
         return None
@@ -277,7 +308,8 @@ def _stuck_gyro(log: Log, configuration: Configuration) -> Finding | None:
         if np.mean(turned > _CLEAR_TURN) > 0.05:
             turns = f"{sensor.name!r} turns by up to {np.rad2deg(turned.max()):.0f} degrees"
             what = "the same" if shown.any() else "0"
-            return Finding("error", name, f"{what} in all of {len(shown)} rows, though {turns}: is it off?")
+            severity: Severity = "error" if stated.quotient(log, sensor.name) > 1.0 else "warning"
+            return Finding(severity, name, f"{what} in all of {len(shown)} rows, though {turns}: is it off?")
     return None
 
 
@@ -414,7 +446,7 @@ def _beside_bias(
     return "unknown" if float(np.linalg.norm(bias)) <= _LARGEST_BIAS else None
 
 
-def _reference_attitude(log: Log, turns: _Turns, configuration: Configuration) -> Finding | None:
+def _reference_attitude(log: Log, turns: _Turns, configuration: Configuration, stated: Stated) -> Finding | None:
     if configuration.truth is None or log.true_attitudes is None:
         return None
     there = np.flatnonzero(np.isfinite(log.true_attitudes[:, 0, 0]))
@@ -433,11 +465,12 @@ def _reference_attitude(log: Log, turns: _Turns, configuration: Configuration) -
         if found.fitting is None and abs(found.slope - 1.0) <= turns.share_of_error(begins, ends):
             return None
         what = f"turns {found.slope:.2g} times as far as the rate says"
+        severity: Severity = "error" if stated.quotient_of_truth(log) > 1.0 else "warning"
         if found.fitting is not None:
-            return Finding("error", label, f"{what}, and as far when read {found.fitting}")
+            return Finding(severity, label, f"{what}, and as far when read {found.fitting}")
         for factor, meaning in _FACTORS.items():
             if LEAST <= found.slope / factor <= MOST:
-                return Finding("error", label, f"{what}: of the rate, {meaning}")
+                return Finding(severity, label, f"{what}: of the rate, {meaning}")
         return Finding("warning", label, f"{what}: are its order, its direction and the axes right?")
     return _reference_against_directions(log, configuration)
 
@@ -448,7 +481,8 @@ def _reference_against_directions(log: Log, configuration: Configuration) -> Fin
     assert configuration.truth is not None
     choices = readings_of(configuration.truth)
     angles: dict[str, list[FloatArray]] = {str(read): [] for read in choices}
-    for i in range(len(configuration.directions)):
+    is_sure = False
+    for i, sensor in enumerate(configuration.directions):
         there = np.flatnonzero(np.isfinite(log.directions[:, i, 0]) & np.isfinite(log.true_attitudes[:, 0, 0]))
         if len(there) <= FEWEST_PAIRS:
             continue
@@ -458,6 +492,8 @@ def _reference_against_directions(log: Log, configuration: Configuration) -> Fin
         for read in choices:
             cosines = (read(rotations).apply(directions) * references).sum(axis=1)
             angles[str(read)].append(np.rad2deg(np.arccos(np.clip(cosines, -1.0, 1.0))))
+        away = _stated_angle_deg(sensor, configuration) + configuration.truth.error_deg
+        is_sure |= float(np.median(angles["as declared"][-1])) > away
     if not angles["as declared"]:
         return None
     medians = {reading: float(np.median(np.concatenate(some))) for reading, some in angles.items()}
@@ -465,10 +501,19 @@ def _reference_against_directions(log: Log, configuration: Configuration) -> Fin
     best = min(medians, key=lambda reading: medians[reading])
     what = f"takes the measured directions {declared:.3g} degrees off their references (median)"
     if declared > 20.0 and medians[best] < 0.25 * declared:
-        return Finding("error", configuration.truth.label, f"{what}, and {medians[best]:.3g} when read {best}")
+        severity: Severity = "error" if is_sure else "warning"
+        return Finding(severity, configuration.truth.label, f"{what}, and {medians[best]:.3g} when read {best}")
     if declared > 60.0:
         return Finding("warning", configuration.truth.label, f"{what}: are frames, axes and signs right?")
     return None
+
+
+def _stated_angle_deg(sensor: AnyDirection, configuration: Configuration) -> float:
+    """How far each sample may be off its reference, degrees; infinite where that is not stated as an angle."""
+    is_in_time = configuration.time_offset_of(sensor) == configuration.time_offset_of_truth == 0.0
+    if configuration.rule is not None or not sensor.is_bound_by_angle or not is_in_time:
+        return math.inf
+    return math.degrees(math.sqrt(float(np.linalg.eigvalsh(sensor.bound())[-1])))
 
 
 def _unit(vectors: FloatArray) -> FloatArray:

@@ -1,12 +1,14 @@
 """Another filter's attitudes judged by a run: what is read of both, and the table of what comes out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from elliptude.configuration.references import from_enu
 from elliptude.io.column_files import Column
 from elliptude.io.tables import Result
 from elliptude.logs.reference_attitudes import Reference, attitudes_at, has_sample_at, in_words_of_origin
@@ -18,8 +20,9 @@ from elliptude.typing import FloatArray
 
 # The vertical of ENU, NWU and NED, up or down.
 _VERTICAL = (0.0, 0.0, 1.0)
-# Share of the rows from which on alarms are more likely a mistake about axes.
-_MOST = 0.5
+GroundFrame: TypeAlias = Literal["ENU", "NED", "NWU"]
+# Share of the rows from which on alarms are more likely a mistake about axes, and up to which other axes explain them.
+_MOST, _FEW = 0.5, 0.1
 _CLAIM_INDEX = {word: index for index, word in enumerate(CLAIMS)} | {"": CLAIMS.index("none")}
 _CHOICES = [[bool(code >> i & 1) for i in range(3)] for code in range(8)]
 
@@ -94,6 +97,19 @@ def judge(
     ValueError
         If the run is of a mode without guarantee, no row has an attitude to judge, or nothing would be judged.
     """
+    found = _as_seen(run, estimate, has_vertical=has_vertical, heading=heading, limits=limits, largest_gap=largest_gap)
+    # What is interpolated is not the filter's word: it can be off, but it proves nothing against the filter.
+    least = np.where(has_sample_at(estimate, run.times)[:, None], found.least, np.minimum(found.least, 0.0))
+    if run.bounds_from_recording is None:
+        return replace(found, least=least)
+    # Proposals are no guarantee.
+    return replace(found, least=least, claims=np.maximum(found.claims, _CLAIM_INDEX["conditional"]).astype(np.uint8))
+
+
+def _as_seen(
+    run: Run, estimate: Reference, *, has_vertical: bool, heading: Heading, limits: Limits, largest_gap: float
+) -> Monitored:
+    """What the sets say of attitudes at their rows, whether a filter said these then or not."""
     if run.claims is None or run.chart != "gibbs":
         raise ValueError("sets without a claim are no guarantee; monitor needs estimator.mode = 'guaranteed'")
     rows, attitudes = attitudes_at(estimate, run.times, np.arange(len(run.times)), largest_gap)
@@ -121,12 +137,7 @@ def judge(
     )
     if run.clock_turns is not None:
         found = widened(found, run.clock_turns)
-    # What is interpolated is not the filter's word: it can be off, but it proves nothing against the filter.
-    least = np.where(has_sample_at(estimate, run.times)[:, None], found.least, np.minimum(found.least, 0.0))
-    if run.bounds_from_recording is None:
-        return replace(found, least=least)
-    # Proposals are no guarantee.
-    return replace(found, least=least, claims=np.maximum(found.claims, _CLAIM_INDEX["conditional"]).astype(np.uint8))
+    return found
 
 
 def _caps_of(run: Run, claims: NDArray[np.uint8]) -> UpCaps | None:
@@ -201,23 +212,75 @@ def in_frame(estimate: Reference, turn: FloatArray) -> Reference:
     return Reference(estimate.times, scipy.spatial.transform.Rotation.from_matrix(turn) * estimate.attitudes)
 
 
-def hint(monitored: Monitored) -> str | None:
-    """What is probably the matter if most rows are alarms: another frame, another heading.
+def rows_that_may_prove(run: Run, estimate: Reference, found: Monitored) -> int:
+    """How many of the judged rows have a sample of the estimate at their very time."""
+    return int((found.judged & has_sample_at(estimate, run.times)).sum())
+
+
+def hint(
+    run: Run,
+    estimate: Reference,
+    *,
+    has_vertical: bool,
+    heading: Heading,
+    largest_gap: float,
+    frames: tuple[GroundFrame | None, GroundFrame | None],
+) -> str | None:
+    """What is probably the matter if the sets exclude most rows: another frame, another heading.
 
     Parameters
     ----------
-    monitored : Monitored
+    run, estimate, has_vertical, heading, largest_gap
+        As `judge` takes them.
+    frames : pair of str, optional
+        The reference frames of the sets and of the estimate, as far as they are stated.
 
     Returns
     -------
     str, optional
         In words.
     """
-    if not monitored.judged.any():
+
+    def excluded(attitudes: Reference) -> FloatArray:
+        found = _as_seen(
+            run, attitudes, has_vertical=has_vertical, heading=heading, limits=Limits(), largest_gap=largest_gap
+        )
+        with np.errstate(invalid="ignore"):
+            shares: FloatArray = (found.least[found.judged] > 0.0).mean(axis=0)
+        return shares
+
+    total, tilt, of_heading = excluded(estimate)
+    if not max(total, tilt, of_heading) > _MOST:
         return None
-    shares = monitored.alarms.proved[monitored.judged].mean(axis=0)
-    if shares[1] > _MOST:
+    of_sets, of_estimate = frames
+    if of_estimate is None and (option := _fitting_frame(run, estimate, of_sets, excluded)) is not None:
+        return f"most rows are outside, and with {option} they are not: the reference frames differ"
+    if tilt > _MOST:
         return "the up direction is wrong at most rows: has the estimate the same body axes and reference frame?"
-    if shares[2] > _MOST:
+    if of_heading > _MOST:
         return "the heading is wrong at most rows: if it counts from elsewhere, --heading-free judges the tilt alone"
-    return None
+    return "the attitude is wrong at most rows: has the estimate the same body axes and reference frame?"
+
+
+def _fitting_frame(
+    run: Run, estimate: Reference, of_sets: GroundFrame | None, excluded: Callable[[Reference], FloatArray]
+) -> str | None:
+    """The options with which the sets exclude few rows, if there are any."""
+    stated = of_sets
+    if of_sets is None:
+        is_down = run.ups is not None and run.known.any() and _upward(run.ups, _verticals(run)) < 0.0
+        of_sets = "NED" if is_down else "ENU"
+    shares: dict[GroundFrame, float] = {}
+    for frame in get_args(GroundFrame):
+        if frame != of_sets:
+            shares[frame] = float(excluded(in_frame(estimate, frame_to_frame(frame, of_sets))).max())
+    best = min(shares, key=lambda frame: shares[frame])
+    if shares[best] > _FEW:
+        return None
+    return f"--estimate-frame {best}" if stated is not None else f"--frame {of_sets} --estimate-frame {best}"
+
+
+def frame_to_frame(of_estimate: GroundFrame, of_sets: GroundFrame) -> FloatArray:
+    """What takes vectors from the reference axes of an estimate to those of sets, (3, 3)."""
+    turn: FloatArray = np.asarray(from_enu(np.eye(3), of_sets).T @ from_enu(np.eye(3), of_estimate))
+    return turn

@@ -388,9 +388,15 @@ def test_summary_without_gaps():
     assert len(summary["said"]) == 7
     assert "295 more; summary.json lists 200" in summary["said"][-1]
     assert summary["said"][0].endswith(" °/s in them): the row behind each has a set")
-    for rows, said in ((1, ": 1 row without a set"), (7, ": 7 rows without a set")):
+    for rows, said in ((1, "1 row"), (7, "7 rows")):
         lost = (*many, gaps.Gap(301.0, 0.1, np.pi, 0.1, 0.3, rows))
-        assert gaps.summarize(lost, GyroBounds(0.1, longest_interval=0.01))["said"][0].endswith(said)
+        line = gaps.summarize(lost, GyroBounds(0.1, longest_interval=0.01))["said"][0]
+        assert line.endswith(f": {said} in all until there is a set again")
+    # Nor is the row behind a gap said to have a set where there was none before.
+    for others, said in ((many, "1 of them"), ((), "each")):
+        unknown = (*others, gaps.Gap(301.0, 0.1, np.pi, np.nan, np.nan, 0))
+        line = gaps.summarize(unknown, GyroBounds(0.1, longest_interval=0.01))["said"][0]
+        assert line.endswith(f": none of them ended a set; before {said} there was no set")
     json.dumps(summary, allow_nan=False)
 
 

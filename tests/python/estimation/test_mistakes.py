@@ -313,6 +313,26 @@ def test_a_suspicious_rule():
     assert "a magnet or steel near the sensor" in str(field)
 
 
+def test_a_recording_longer_than_the_rules_are_for(tmp_path):
+    """Ten minutes. Who states a drift, or more that is left of the bias, has said what is so."""
+    arrays = recording(62.0)
+    arrays["t"], arrays["gyr"] = 10.0 * arrays["t"], 0.1 * arrays["gyr"]
+    rule = rules.hand_held().model_dump(mode="json", exclude_none=True)
+    rule["gyro"] |= {"longest_interval_s": 0.2, "noise_deg_per_s": 5.0}
+    said = "the recording lasts 10.3 minutes, and the numbers of the rules are for up to ten"
+    log, config = files(tmp_path, by_rule(rule={"kind": "stated"} | rule), arrays)
+    for command in (
+        ("check", log, config),
+        ("estimate", log, "--config", config, "--out", tmp_path / "out"),
+    ):
+        done = run(*command)
+        assert words(done).count(said) == 1, done.output
+    for bias, lasted, count in ((0.25, 601.0, 1), (0.25, 599.0, 0), (0.3, 601.0, 0)):
+        assert len(suspicions.of_duration({"bias_deg_per_s": bias}, lasted)) == count
+    rule["gyro"]["drift_deg_per_s2"] = 1e-4
+    assert said not in words(run("check", *files(tmp_path, by_rule(rule={"kind": "stated"} | rule), arrays)))
+
+
 def test_an_attached_magnet_is_named_by_bounds(tmp_path):
     """It turns with the body, so the field's length changes with the pose."""
     arrays = recording()

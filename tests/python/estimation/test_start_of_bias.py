@@ -74,3 +74,9 @@ def test_a_bias_that_is_not_estimated_is_not_stated_twice():
     for stated in (WHOLE.tolist(), [0.0, 0.0, 0.0]):
         with pytest.raises(ValueError, match=r"start\.rate_rad_per_s: the bias is not estimated"):
             estimation.estimate(log, configured(given(rate_rad_per_s=stated), **flow))
+
+
+def test_a_start_that_the_bound_of_the_bias_excludes_names_its_keys():
+    stated = given(rate_rad_per_s=[0.3, 0.0, 0.0])
+    with pytest.raises(ValueError, match=r"start\.rate_rad_per_s .* flow\.bias_deg_per_s .* 16\.32 .*known_bias"):
+        estimation.estimate(still(np.ones(COUNT, bool)), configured(stated, **ESTIMATED))

@@ -7,7 +7,7 @@ import pytest
 from elliptude.configuration.configuration import Configuration
 from elliptude.logs.log import Log
 from elliptude.logs.plausibility import Heard, plausible_pieces
-from elliptude.logs.saturation import Saturation
+from elliptude.logs.signals.saturation import Saturation
 
 CONFIGURATION = Configuration.model_validate(
     {

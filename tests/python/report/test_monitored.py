@@ -26,6 +26,10 @@ def run(*arguments):
     return CliRunner().invoke(cli.make_app(), ["monitor", *(str(argument) for argument in arguments)])
 
 
+def words(done):
+    return " ".join(done.output.split())
+
+
 def quaternions(rotations):
     return rotations.as_quat(canonical=True, scalar_first=True)
 
@@ -123,7 +127,13 @@ def test_without_alarms_the_exit_code_is_0(tmp_path, result):
     assert done.exit_code == 0, done.output
     assert "the sets' counts from the first row: the tilt alone is judged" in done.output
     (table.parent / "summary.json").unlink()
-    assert run(table, "--estimate", estimate, "--limit-deg", 9.9).exit_code == 1
+    done = run(table, "--estimate", estimate, "--limit-deg", 9.9)
+    assert done.exit_code == 1
+    said = (
+        "total: at 380 of 380 rows no unconditional bound is within the limit of 9.9 degrees: the error may be larger"
+    )
+    assert said in words(done)
+    assert "very time" not in words(done)
 
 
 def test_what_is_outside_a_conditional_set_is_no_proof(tmp_path, result):
@@ -157,7 +167,19 @@ def test_another_frame(tmp_path, result):
     estimate = write_estimate(tmp_path / "estimate.csv", times, NED * centers)
     done = run(table, "--estimate", estimate)
     assert done.exit_code == 1
-    assert "has the estimate the same body axes and reference frame?" in done.output
+    assert "with --frame ENU --estimate-frame NED they are not: the reference frames differ" in words(done)
+    assert "with --estimate-frame NED they are not" in words(run(table, "--estimate", estimate, "--frame", "ENU"))
+    # No proof is needed for that, nor a vertical's tilt; and other axes of the body are none of the frame.
+    between = write_estimate(tmp_path / "between.csv", times + 5e-7, NED * centers)
+    done = run(table, "--estimate", between)
+    assert done.exit_code == 0
+    assert "400 of the 400 rows have no sample of the estimate at their very time" in words(done)
+    assert "with --frame ENU --estimate-frame NED they are not" in words(done)
+    nwu = write_estimate(tmp_path / "nwu.csv", times, Rotation.from_euler("z", -90, degrees=True) * centers)
+    assert "with --frame ENU --estimate-frame NWU they are not" in words(run(table, "--estimate", nwu))
+    other_body = write_estimate(tmp_path / "body.csv", times, centers * Rotation.from_euler("x", 90, degrees=True))
+    done = run(table, "--estimate", other_body)
+    assert "has the estimate the same body axes and reference frame?" in words(done)
     done = run(table, "--estimate", estimate, "--estimate-frame", "NED", "--frame", "ENU", "--json")
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["tilt"]["bound_deg"]["unconditional"]["max"] == pytest.approx(3.0, abs=1e-6)

@@ -16,7 +16,6 @@ from elliptude.cli.options import LOG_HELP, EstimateLargestGap, Force, SummaryAs
 from elliptude.cli.outputs import SUMMARY, print_table, require_outputs
 from elliptude.cli.progress import steps
 from elliptude.configuration.configuration import Configuration, read_configuration
-from elliptude.configuration.references import from_enu
 from elliptude.estimation.estimator import PieceEstimator
 from elliptude.io.background import ahead
 from elliptude.io.column_files import write_columns
@@ -25,14 +24,14 @@ from elliptude.io.spool import STANDARD_INPUT, NamedFile, recording
 from elliptude.logs import log as logs
 from elliptude.logs import plausibility
 from elliptude.logs.quaternion_readings import not_as_declared, readings_of
-from elliptude.logs.reference_attitudes import read_reference
+from elliptude.logs.reference_attitudes import Reference, read_reference
 from elliptude.monitoring import Limits, Monitored
+from elliptude.monitoring.monitor import Heading
 from elliptude.report import comparison, monitored
+from elliptude.report.monitored import GroundFrame
 from elliptude.report.run import Run, files_of_run, read_run
 from elliptude.results import CLAIMS
 from elliptude.typing import FloatArray
-
-_GroundFrame = Literal["ENU", "NED", "NWU"]
 
 
 def _limit(what: str) -> Any:
@@ -66,11 +65,11 @@ def monitor(
         ),
     ] = None,
     frame: Annotated[
-        _GroundFrame | None,
+        GroundFrame | None,
         typer.Option(help="Reference frame of the sets, if --config does not say it.", show_default=False),
     ] = None,
     estimate_frame: Annotated[
-        _GroundFrame | None,
+        GroundFrame | None,
         typer.Option(help="Reference frame of the estimate, if it is another one.", show_default=False),
     ] = None,
     heading_free: Annotated[
@@ -123,14 +122,7 @@ def monitor(
             )
             if estimate_frame is not None:
                 attitudes = monitored.in_frame(attitudes, _turn(estimate_frame, frame))
-            found = monitored.judge(
-                run,
-                attitudes,
-                has_vertical=frame is not None or run.tilt_bounds is not None,
-                heading="free" if free else "same",
-                limits=limits,
-                largest_gap=largest_gap_s,
-            )
+            found, hint = _judged_by(run, attitudes, (frame, estimate_frame), limits, largest_gap_s, free=free)
         except ValueError as error:
             raise FileError(f"{source}, {other}: {error}") from error
         summary = {
@@ -141,7 +133,8 @@ def monitor(
             "bounds_from_recording": run.bounds_from_recording,
             "heading_of_sets": _heading_of_sets(run, source, configuration),
             "estimate_misread": misread,
-            "hint": monitored.hint(found),
+            "rows_that_may_prove": monitored.rows_that_may_prove(run, attitudes, found),
+            "hint": hint,
         } | found.to_dict()
         if out is not None:
             _write_monitored(found, out, files, source.name, other.name, summary)
@@ -184,6 +177,27 @@ def _judge(log: NamedFile, config: Path | None) -> tuple[Run, Configuration | No
     return run, configuration
 
 
+def _judged_by(
+    run: Run,
+    attitudes: Reference,
+    frames: tuple[GroundFrame | None, GroundFrame | None],
+    limits: Limits,
+    largest_gap: float,
+    *,
+    free: bool,
+) -> tuple[Monitored, str | None]:
+    """What the run says of the attitudes, and what is probably the matter with them."""
+    has_vertical = frames[0] is not None or run.tilt_bounds is not None
+    heading: Heading = "free" if free else "same"
+    found = monitored.judge(
+        run, attitudes, has_vertical=has_vertical, heading=heading, limits=limits, largest_gap=largest_gap
+    )
+    hint = monitored.hint(
+        run, attitudes, has_vertical=has_vertical, heading=heading, largest_gap=largest_gap, frames=frames
+    )
+    return found, hint
+
+
 def _largest_deg(angles: FloatArray | None) -> float | None:
     return None if angles is None else float(np.rad2deg(angles.max()))
 
@@ -197,7 +211,7 @@ def _heading_of_sets(run: Run, log: NamedFile, configuration: Configuration | No
     return "as referenced" if configuration is not None or summary.is_file() else "not stated"
 
 
-def _frame_of_sets(stated: _GroundFrame | None, configuration: Configuration | None) -> _GroundFrame | None:
+def _frame_of_sets(stated: GroundFrame | None, configuration: Configuration | None) -> GroundFrame | None:
     """The option's, or the configuration's if it is on the ground."""
     if configuration is None:
         return stated
@@ -206,11 +220,11 @@ def _frame_of_sets(stated: _GroundFrame | None, configuration: Configuration | N
     return None if configuration.frame == "J2000" else configuration.frame
 
 
-def _turn(of_estimate: _GroundFrame, of_sets: _GroundFrame | None) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _turn(of_estimate: GroundFrame, of_sets: GroundFrame | None) -> FloatArray:
     """What takes vectors from the estimate's reference axes to those of the sets, (3, 3)."""
     if of_sets is None:
         raise typer.BadParameter("needs --frame, the reference frame of the sets", param_hint="--estimate-frame")
-    return np.asarray(from_enu(np.eye(3), of_sets).T @ from_enu(np.eye(3), of_estimate))
+    return monitored.frame_to_frame(of_estimate, of_sets)
 
 
 def _write_monitored(
@@ -240,6 +254,12 @@ def _say_monitored(summary: dict[str, Any]) -> None:
             "  the gyro's stamps, which the sets have, may be off against the estimate's (flow.time_offset_bound_s): "
             f"bounds are wider by what the body may turn meanwhile, up to {turned:.3g} degrees"
         )
+    may_prove = summary["rows_that_may_prove"]
+    if may_prove < summary["judged"]:
+        typer.echo(
+            f"  {summary['judged'] - may_prove} of the {summary['judged']} rows have no sample of the estimate at "
+            "their very time: bounds hold there, but only equal times, to 2 ns, prove anything"
+        )
     if summary["questions"] == ["tilt"]:
         why = "; the sets' counts from the first row" if summary["heading_of_sets"] == "from the first row" else ""
         typer.echo(f"  the heading is free{why}: the tilt alone is judged")
@@ -248,9 +268,40 @@ def _say_monitored(summary: dict[str, Any]) -> None:
             f"  no {SUMMARY} beside the table says from where the sets' heading counts: taken as referenced",
             fg=typer.colors.YELLOW,
         )
+    print_table(_table(summary))
+    if summary["rows_with_proof"]:
+        least = max(filter(None, (summary[question]["largest_least_deg"] for question in summary["questions"])))
+        typer.secho(
+            f"  proved wrong at {summary['rows_with_proof']} rows, first at {summary['first_proof_s']:.6f} s, by up to "
+            f"{least:.3g} degrees at least",
+            fg=typer.colors.RED,
+        )
+    for question in summary["questions"]:
+        figures = summary[question]
+        if figures["not_within_limit"]:
+            typer.secho(
+                f"  {question}: at {figures['not_within_limit']} of {summary['judged']} rows no unconditional bound is "
+                f"within the limit of {figures['limit_deg']:g} degrees: the error may be larger there, which is no "
+                "proof that it is",
+                fg=typer.colors.YELLOW,
+            )
+    if summary["hint"] is not None:
+        typer.secho(f"  {summary['hint']}", fg=typer.colors.YELLOW)
+
+
+def _table(summary: dict[str, Any]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     table.add_column("error", no_wrap=True)
-    for heading in ("claim", "rows", "bound\n° mean", "median", "max", "no\nbound", "proved\nwrong", "not in\nlimit"):
+    for heading in (
+        "claim",
+        "rows",
+        "bound\n° mean",
+        "median",
+        "max",
+        "no\nbound",
+        "proved\nwrong",
+        "not shown\nin limit",
+    ):
         table.add_column(heading, justify="right", no_wrap=True)
     for question in summary["questions"]:
         figures = summary[question]
@@ -265,13 +316,4 @@ def _say_monitored(summary: dict[str, Any]) -> None:
             if not is_first:
                 counts = ["", f"({figures['wrong_if_condition_holds']})", ""]
             table.add_row(question, claim, str(bound["rows"]), *angles, *counts)
-    print_table(table)
-    if summary["rows_with_proof"]:
-        least = max(filter(None, (summary[question]["largest_least_deg"] for question in summary["questions"])))
-        typer.secho(
-            f"  proved wrong at {summary['rows_with_proof']} rows, first at {summary['first_proof_s']:.6f} s, by up to "
-            f"{least:.3g} degrees at least",
-            fg=typer.colors.RED,
-        )
-    if summary["hint"] is not None:
-        typer.secho(f"  {summary['hint']}", fg=typer.colors.YELLOW)
+    return table

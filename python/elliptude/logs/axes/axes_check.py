@@ -10,7 +10,7 @@ hand; no bound is taken to be less than that.
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -25,7 +25,6 @@ from elliptude.configuration.rules import Rule
 from elliptude.configuration.sensors import (
     AccelerationBound,
     Accelerometer,
-    AngleBound,
     AnyDirection,
     FieldBound,
     Magnetometer,
@@ -35,6 +34,7 @@ from elliptude.configuration.sensors import (
 )
 from elliptude.logs.axes import sensor_axes
 from elliptude.logs.axes.sensor_axes import ROTATIONS, AngleMisfit, VectorStatement
+from elliptude.logs.axes.stated import Stated
 from elliptude.logs.body_at_rest import axis_in_words, resting, up_in_log
 from elliptude.logs.log import Log
 from elliptude.typing import FloatArray
@@ -63,6 +63,8 @@ class WrongAxes:
     """What would fit, best first: the same quotient, and the axes (3, 3) as a configuration has them, left-handed ones
     too. Of the vector, the opposite fits as well."""
     message: str
+    is_sure: bool = True
+    """Whether what is stated, and no wider bounds, rules the stated axes out."""
 
 
 @dataclass(frozen=True)
@@ -74,13 +76,15 @@ class AxesVerdict:
     """Whether only what is stated fits, so that more of the log cannot show anything else."""
 
 
-def look_at_axes(log: Log, configuration: Configuration) -> AxesVerdict:
+def look_at_axes(log: Log, configuration: Configuration, stated: Stated | None = None) -> AxesVerdict:
     """Try the axes of accelerometer and magnetometer against the gyro.
 
     Parameters
     ----------
     log : Log
     configuration : Configuration
+    stated : Stated, optional
+        The configuration's, if earlier pieces of the recording were looked at.
 
     Returns
     -------
@@ -93,6 +97,7 @@ def look_at_axes(log: Log, configuration: Configuration) -> AxesVerdict:
     if known.sum() < 3:
         return AxesVerdict((), True)
     rates = np.column_stack([np.interp(log.times, log.times[known], column[known]) for column in log.rates.T])
+    stated = Stated(configuration) if stated is None else stated
     rule = rules.hand_held() if configuration.rule is None else _wider_rule(configuration.rule.rule())
     rates, gyro = _gyro(log, rates, configuration, rule)
     vectors: dict[str, tuple[FloatArray, VectorStatement]] = {}
@@ -120,11 +125,11 @@ def look_at_axes(log: Log, configuration: Configuration) -> AxesVerdict:
     as_it_is = tried(1.0)
     is_told = len(as_it_is) == len(sensors) and all(table[1:].min() > 1.0 for table in as_it_is.values())
     if all(table[0] <= 1.0 for table in as_it_is.values()):
-        wrong, are_signs_told = _signs(log, rates, gyro, vectors, configuration)
+        wrong, are_signs_told = _signs(log, rates, gyro, vectors, configuration, stated)
         return AxesVerdict(tuple(wrong), is_told and are_signs_told)
     turned_round = tried(-1.0)
     both = {name: np.stack([table, turned_round[name]]) for name, table in as_it_is.items()}
-    return AxesVerdict(tuple(_verdict(both, log, configuration)), is_told)
+    return AxesVerdict(tuple(_verdict(both, log, configuration, stated)), is_told)
 
 
 def _wider_rule(rule: Rule) -> Rule:
@@ -243,7 +248,9 @@ def _scale(stated: float, sensor: Accelerometer | Magnetometer, usual: float) ->
 # --- what follows -----------------------------------------------------------------------------------------------------
 
 
-def _verdict(found: dict[str, FloatArray], log: Log, configuration: Configuration) -> list[WrongAxes]:
+def _verdict(
+    found: dict[str, FloatArray], log: Log, configuration: Configuration, statements: Stated
+) -> list[WrongAxes]:
     fitting: dict[str, dict[_Choice, float]] = {}
     for name, table in found.items():
         if (stated := float(table[0, 0])) > 1.0:
@@ -256,14 +263,15 @@ def _verdict(found: dict[str, FloatArray], log: Log, configuration: Configuratio
     common = set.intersection(*(set(fits) for fits in fitting.values())) if len(fitting) == len(found) else set()
     if common and (len(found) > 1 or all(i == 1 for i, _ in common)):
         largest = {choice: max(fits[choice] for fits in fitting.values()) for choice in common}
-        return [_wrong_gyro(largest, max(float(found[name][0, 0]) for name in fitting), configuration)]
+        is_sure = any(statements.quotient(log, name) > 1.0 for name in fitting)
+        blamed = _wrong_gyro(largest, max(float(found[name][0, 0]) for name in fitting), configuration)
+        return [replace(blamed, is_sure=is_sure)]
     wrong = []
     for name, fits in fitting.items():
         own = {choice: quotient for choice, quotient in fits.items() if choice[0] == 0}
         if own:
-            wrong.append(
-                _wrong_vector(name, own, float(found[name][0, 0]), log, configuration, or_gyro=len(found) == 1)
-            )
+            blamed = _wrong_vector(name, own, float(found[name][0, 0]), log, configuration, or_gyro=len(found) == 1)
+            wrong.append(replace(blamed, is_sure=statements.quotient(log, name) > 1.0))
     return wrong
 
 
@@ -324,6 +332,7 @@ def _signs(
     gyro: GyroBounds,
     vectors: dict[str, tuple[FloatArray, VectorStatement]],
     configuration: Configuration,
+    stated: Stated,
 ) -> tuple[list[WrongAxes], bool]:
     """What the angle between gravity and the field shows about their signs, and whether it shows anything; (18.18)."""
     accelerometer = configuration.accelerometer
@@ -344,27 +353,23 @@ def _signs(
         if not len(angles):
             continue
         least, most = float(angles.min()), float(angles.max())
-        found = sensor_axes.angle_misfit(
-            log.times,
-            rates,
-            vectors[accelerometer.name],
-            vectors[sensor.name],
-            gyro,
-            0.5 * (least + most),
-            0.5 * (most - least) + _stated_angle(accelerometer) + _stated_angle(sensor),
-        )
+        angle, error = 0.5 * (least + most), 0.5 * (most - least) + _stated_angle(accelerometer) + _stated_angle(sensor)
+        pair = vectors[accelerometer.name], vectors[sensor.name]
+        found = sensor_axes.angle_misfit(log.times, rates, *pair, gyro, angle, error)
         if found is None:
             are_told = False
             continue
         are_told &= found.opposite > 1.0
         if found.as_stated > 1.0 and found.opposite <= 1.0 and _MARGIN * found.opposite <= found.as_stated:
-            wrong.append(_wrong_sign(accelerometer, sensor, found, 0.5 * (least + most)))
+            proof = stated.angle_misfit(log, accelerometer.name, sensor.name, angle, error)
+            blamed = _wrong_sign(accelerometer, sensor, found, angle)
+            wrong.append(replace(blamed, is_sure=proof is not None and proof.as_stated > 1.0))
     return wrong, are_told
 
 
 def _stated_angle(sensor: AnyDirection) -> float:
     """How far its direction may be off by its own angle, if it states one, and by reference and alignment, rad."""
-    if sensor.bound_deg is None and sensor.bound_rad2 is None and not isinstance(sensor.bound_from, AngleBound):
+    if not sensor.is_bound_by_angle:
         return sensor.added_angle
     return float(np.sqrt(np.linalg.eigvalsh(sensor.bound())[-1]))
 

@@ -63,6 +63,18 @@ class VectorStatement:
     length_error: float = 0.0
     averaged_over: float = 0.0
     """As there, s."""
+    longest_step: float = np.inf
+    """The longest step between samples over which a mean of theirs is one of the motion, s."""
+
+
+@dataclass(frozen=True, eq=False)
+class RatesBeside:
+    """What is known of N rates beside their error bounds."""
+
+    errors: FloatArray
+    """How far the true rate about each row may be from the line between the rows, rad/s, shape (N,)."""
+    gaps: NDArray[np.bool_]
+    """Steps in which nothing is known of the turn, shape (N - 1,)."""
 
 
 def misfits(
@@ -72,6 +84,8 @@ def misfits(
     gyro: GyroBounds,
     statement: VectorStatement,
     sign: float = 1.0,
+    *,
+    beside: RatesBeside | None = None,
 ) -> FloatArray | None:
     """How far each choice of axes is from what is stated: at most 1 if it is right and the statements hold, (18.16).
 
@@ -88,13 +102,14 @@ def misfits(
     statement : VectorStatement
     sign : {1, -1}
         What the rates are multiplied by.
+    beside : RatesBeside, optional
 
     Returns
     -------
     (24,) array, or None
         For each of `ROTATIONS`, the largest quotient of difference and bound. None if no two windows have a bound.
     """
-    carried = _carried(times, rates, [(vectors, statement)], gyro, sign)
+    carried = _carried(times, rates, [(vectors, statement)], gyro, sign, beside)
     if carried is None:
         return None
     worst = np.zeros(len(ROTATIONS))
@@ -126,6 +141,8 @@ def angle_misfit(
     gyro: GyroBounds,
     angle: float,
     angle_error: float,
+    *,
+    beside: RatesBeside | None = None,
 ) -> AngleMisfit | None:
     """Whether two vectors are as far from one another as stated, or one and its opposite would be, (18.18).
 
@@ -137,13 +154,14 @@ def angle_misfit(
         Each sensor's vectors, as `misfits` takes them.
     angle, angle_error : float
         Between the vectors in the world, and how far that may be off, rad.
+    beside : RatesBeside, optional
 
     Returns
     -------
     AngleMisfit, optional
         None if no window has both.
     """
-    carried = _carried(times, rates, [first, second], gyro, 1.0)
+    carried = _carried(times, rates, [first, second], gyro, 1.0, beside)
     if carried is None:
         return None
     found = []
@@ -195,6 +213,7 @@ def _carried(
     sensors: Sequence[tuple[FloatArray, VectorStatement]],
     gyro: GyroBounds,
     sign: float,
+    beside: RatesBeside | None,
 ) -> _Carried | None:
     """The measurements in the frame that the gyro carries along; None if a sensor has fewer than two vectors."""
     measured = [np.isfinite(vectors).all(axis=1) for vectors, _ in sensors]
@@ -204,11 +223,14 @@ def _carried(
     elapsed, steps = times - times[0], np.diff(times)
     # Across a gap the turn may be anything. Its length does not matter, and a stamp far ahead would make endless cells.
     is_gap = steps > _LONGEST_STEP * np.median(steps)
+    more = np.zeros_like(speeds)
+    if beside is not None:
+        is_gap, more = is_gap | beside.gaps, beside.errors
     gaps = np.concatenate([[0.0], np.cumsum(np.where(is_gap, np.pi, 0.0))])
     usual = max(float(np.median(np.diff(times[there]))) for there in measured)
     short = np.where(is_gap, np.minimum(steps, (_LONGEST_STEP + 1.0) * usual), steps)
     clock = np.concatenate([[0.0], np.cumsum(short)])
-    steady = running_integral(clock, gyro.steady_error(speeds, elapsed)) + gaps
+    steady = running_integral(clock, gyro.steady_error(speeds, elapsed) + more) + gaps
     steady += from_the_first(coning_angles(short, rates))
     frame = _Frame(clock, steady, running_integral(clock, speeds), gyro)
     attitudes = attitudes_from_rates(short, sign * rates)
@@ -220,7 +242,8 @@ def _carried(
         if there.sum() < 2:
             return None
         offset = time_offset_angles(times, rates, statement.time_offset, gyro=gyro)
-        cells.append(_Cells(frame, there, attitudes[there], vectors[there], offset[there], begin, duration))
+        of_rows = attitudes[there], vectors[there], offset[there]
+        cells.append(_Cells(frame, there, *of_rows, begin, duration, statement.longest_step))
     return _Carried(frame, cells)
 
 
@@ -240,33 +263,45 @@ class _Cells:
         offset: FloatArray,
         begin: float,
         duration: float,
+        longest_step: float,
     ) -> None:
         stamps, steady, turned = frame.times[there], frame.steady[there], frame.turned[there]
         steps = np.diff(stamps)
         median = float(np.median(steps))
         self.begin, self.duration = begin, duration
         place = (stamps - begin) / duration
-        cell = np.floor(place + 1e-9).astype(np.intp)
-        weights = np.concatenate([[0.0], 0.5 * steps]) + np.concatenate([0.5 * steps, [0.0]])
-        count = int(cell[-1])  # the last one is not whole
+        count = int(np.floor(place[-1] + 1e-9))  # the last cell is not whole
         self.sums = np.zeros((count + 1, _WEIGHT + 1))
         self.moments = np.zeros_like(self.sums)
         lengths = np.linalg.norm(vectors, axis=1)
-        for first in range(0, len(stamps), _CHUNK_ROWS):
-            rows = slice(first, first + _CHUNK_ROWS)
+        scalars = (np.ones_like(lengths), steady, turned, stamps - self.begin, offset)
+        for first in range(0, len(stamps) - 1, _CHUNK_ROWS):
+            rows = slice(first, first + _CHUNK_ROWS + 1)
             products = attitudes[rows, :, :, None] * vectors[rows, None, None, :]
-            scalars = (np.ones_like(lengths), steady, turned, stamps - self.begin, offset)
             weighed = [lengths[rows] * scalar[rows] for scalar in scalars]
             columns = np.column_stack([products.reshape(-1, 27), *weighed, np.ones_like(lengths[rows])])
-            columns *= weights[rows, None]
-            starts = np.flatnonzero(np.diff(cell[rows], prepend=-1))
-            self.sums[cell[rows][starts]] += np.add.reduceat(columns, starts)
-            columns *= (place[rows] - cell[rows])[:, None]
-            self.moments[cell[rows][starts]] += np.add.reduceat(columns, starts)
+            self._add(place[rows], columns)
         self.whole = self.sums[:, _WEIGHT] > 0.0
-        for k in np.flatnonzero(steps > _LONGEST_STEP * median):
-            self.whole[cell[k] : cell[k + 1] + 1] = False
+        for k in np.flatnonzero(steps > min(_LONGEST_STEP * median, longest_step)):
+            self.whole[max(int(place[k]), 0) : int(place[k + 1]) + 1] = False
         self.sums, self.moments, self.whole = self.sums[:count], self.moments[:count], self.whole[:count]
+        self.rounding = 32.0 * np.finfo(np.float64).eps * (len(stamps) + 1.0 + float(turned[-1])) * lengths.max()
+
+    def _add(self, places: FloatArray, columns: FloatArray) -> None:
+        """Add integrals of values that are on lines between samples, to the cell that each part of a step is in."""
+        ends = np.arange(np.floor(places[0]) + 1.0, places[-1])
+        behind = np.searchsorted(places, ends)
+        share = ((ends - places[behind - 1]) / (places[behind] - places[behind - 1]))[:, None]
+        columns = np.insert(columns, behind, (1.0 - share) * columns[behind - 1] + share * columns[behind], axis=0)
+        places = np.insert(places, behind, ends)
+        cell = np.clip(np.floor(0.5 * (places[1:] + places[:-1])), 0, len(self.sums) - 1).astype(np.intp)
+        begins, stops = places[:-1] - cell, places[1:] - cell
+        starts = np.flatnonzero(np.diff(cell, prepend=-1))
+        weights = (self.duration / 6.0 * (stops - begins))[:, None]
+        in_steps = 3.0 * weights * (columns[:-1] + columns[1:])
+        self.sums[cell[starts]] += np.add.reduceat(in_steps, starts)
+        in_steps = columns[:-1] * (2.0 * begins + stops)[:, None] + columns[1:] * (begins + 2.0 * stops)[:, None]
+        self.moments[cell[starts]] += np.add.reduceat(weights * in_steps, starts)
 
     def windows(self) -> Iterator["_Windows"]:
         """Windows with weights like a triangle, of each half-length."""
@@ -281,13 +316,16 @@ class _Cells:
             falling = sums.sum(axis=1) - rising
             half_length = cells * self.duration
             tops = self.begin + half_length * np.arange(1, count, dtype=np.float64)
-            yield _Windows(half_length, self.begin, tops, rising[:-1], falling[1:], whole[:-1] & whole[1:])
+            whole = whole[:-1] & whole[1:]
+            yield _Windows(half_length, self.begin, self.rounding, tops, rising[:-1], falling[1:], whole)
 
 
 @dataclass(frozen=True, eq=False)
 class _Windows:
     half_length: float
     begin: float
+    rounding: float
+    """Of a mean, in the unit of the vectors."""
     tops: FloatArray
     rising: FloatArray
     """Sums before the top."""
@@ -332,7 +370,7 @@ class _Windows:
         own = mean_error(
             statement.error, statement.averaged_error, statement.averaged_over, 2.0 * self.half_length, 0.0
         )
-        radii: FloatArray = statement.offset(self.half_length) + own + both[:, _OFFSET]
+        radii: FloatArray = statement.offset(self.half_length) + own + both[:, _OFFSET] + self.rounding
         return radii + k * (both[:, _LENGTH] + statement.error) / (1.0 - k)
 
     def _turn(

@@ -1,0 +1,1 @@
+"""What the signal of one sensor shows by itself: the end of its range, and silence."""
