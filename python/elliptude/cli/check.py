@@ -112,6 +112,13 @@ def convert(
             show_default=False,
         ),
     ] = None,
+    config_out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Also write the configuration by which `estimate` finds the same in OUT as by --config in IN: TOML.",
+            show_default=False,
+        ),
+    ] = None,
     stream: Annotated[
         str | None,
         typer.Option(help="Which topic, or which length of arrays, if the log has several.", show_default=False),
@@ -119,15 +126,20 @@ def convert(
     force: Force = False,
 ) -> None:
     """Convert a log to CSV, Parquet or NPZ: as it stands, or as a configuration reads it."""
-    require_outputs([target], force=force, read=[source, config])
+    files = [target] if config_out is None else [target, config_out]
+    require_outputs(files, force=force, read=[source, config], endings={config_out: CONFIGURATION})
     log = recording(source)
+    if config is None and config_out is not None:
+        raise typer.BadParameter("is of a --config: give it, too", param_hint="--config-out")
     if config is None:
         rows = conversion.convert(log, target, stream)
     elif stream is not None:
         raise typer.BadParameter("a configuration says what is read", param_hint="--stream")
     else:
-        rows = conversion.convert_measurements(log, target, read_configuration(config))
+        rows = conversion.convert_measurements(log, target, read_configuration(config), config_out)
     typer.echo(f"{target}: {rows} rows")
+    if config_out is not None:
+        typer.echo(f"{config_out}: its configuration")
 
 
 def calibrate(

@@ -95,7 +95,7 @@ def finish(
     from elliptude.report import figures
     from elliptude.report.estimated import picture
 
-    write_measured(out / MEASURED, measured, drawn.origin)
+    write_measured(out / MEASURED, measured, out / table, drawn.origin)
     label = configuration.truth.label if configuration.truth is not None else "truth"
     figure = picture.estimate_figure(
         drawn,

@@ -9,6 +9,7 @@ from typing import Annotated, Any, TypeAlias
 import typer
 from rich.console import Console
 
+from elliptude.bounds.angles.about_axes import ErrorAxes
 from elliptude.cli.options import (
     LOG_HELP,
     Force,
@@ -76,8 +77,7 @@ def make_report(
         _require_none_of_reference("--config", config, reference_error_deg)
     with steps(Console(stderr=True), 2 if pictures is None else 3) as step:
         step("Reading")
-        run, read_label = read_run(result)
-        run = replace(run, axes=axes)
+        run, read_label = _read(result, axes)
         if reference is not None:
             run, read_label = _against(run, reference, config, largest_gap_s, reference_error_deg)
         label, title = label or read_label, title or _title(run, result)
@@ -137,8 +137,8 @@ def view(
     from elliptude import view as views  # imports Matplotlib, which would slow every command
 
     views.sdk()
-    run, read_label = read_run(result)
-    run, measured = replace(run, axes=axes), None
+    run, read_label = _read(result, axes)
+    measured = None
     if reference is not None:
         run, read_label = _against(run, reference, reference_config, largest_gap_s, reference_error_deg)
     if log is not None and config is not None:
@@ -152,6 +152,14 @@ def view(
     typer.echo(f"{result}: {views.in_words(drawn)}")
     if out is not None:
         typer.echo(f"  {out}")
+
+
+def _read(result: Path, axes: ErrorAxes) -> tuple[Run, str]:
+    """The run, and what it is compared with; what of it cannot be shown is said."""
+    run, label = read_run(result)
+    if run.why_not_measured is not None:
+        typer.secho(run.why_not_measured, fg=typer.colors.YELLOW, err=True)
+    return replace(run, axes=axes), label
 
 
 def _require_none_of_reference(option: str, config: Path | None, error_deg: float | None) -> None:

@@ -96,8 +96,23 @@ from elliptude.io.toml import (
     validate,
 )
 
-_NAMES_OF_OTHERS = {"rate": "the measured angular velocity", "gyro": "the gyro", "true_attitude": "the truth"}
-_SAID_OF_A_RULES_SENSOR = {"kind", "name", "columns", "unit", "unit_ut", "axes", "at_rest"}
+_NAMES_OF_OTHERS = {
+    "rate": "the measured angular velocity",
+    "gyro": "the gyro",
+    "velocity": "the measured velocity",
+    "true_attitude": "the truth",
+}
+_SAID_OF_A_RULES_SENSOR = {
+    "kind",
+    "name",
+    "columns",
+    "unit",
+    "unit_ut",
+    "axes",
+    "at_rest",
+    "time_column",
+    "time_unit",
+}
 
 
 class Configuration(Model):

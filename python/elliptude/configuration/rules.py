@@ -497,7 +497,14 @@ def _without_contradictions(
 
 
 def field_at_start(
-    rule: Rule, times: FloatArray, angular_velocities: FloatArray, specific_forces: FloatArray, fields: FloatArray
+    rule: Rule,
+    times: FloatArray,
+    angular_velocities: FloatArray,
+    specific_forces: FloatArray,
+    fields: FloatArray,
+    *,
+    forces_sampled: FloatArray | None = None,
+    fields_sampled: FloatArray | None = None,
 ) -> FloatArray:
     """The direction (3,) of the field in the rule's reference frame, from the rest at the start; as `apply_rule`.
 
@@ -510,8 +517,9 @@ def field_at_start(
     longest = longest_interval_of(np.diff(times), rule.gyro.longest_interval_s)
     gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest)
     rest = rest_at_start(rule.rest, times, angular_velocities, specific_forces, gyro)
-    moved = moved_fields(rule.magnetometer, times, fields, None, longest)
-    reference, _ = _field_at_rest(rule, times[rest], specific_forces[rest], moved.sampled[rest], moved.values[rest])
+    moved = moved_fields(rule.magnetometer, times, fields, fields_sampled, longest)
+    forces_at = times if forces_sampled is None else forces_sampled
+    reference, _ = _field_at_rest(rule, forces_at[rest], specific_forces[rest], moved.sampled[rest], moved.values[rest])
     direction: FloatArray = reference / np.linalg.norm(reference)
     return direction
 

@@ -188,6 +188,25 @@ def time_origin(path: str | os.PathLike[str]) -> int:
     return origin_of(_open(path))
 
 
+def comments_in(path: str | os.PathLike[str]) -> list[str]:
+    """The lines above the header of a CSV file that begin with #, without that.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    list of str
+
+    Raises
+    ------
+    FileError
+        As `column_names`.
+    """
+    return [line.removeprefix("#").strip() for line in CsvTable(path).comments]
+
+
 def label_in(file: object) -> str:
     """`label_of` the table in a file that is open, in any format; empty if it is none of elliptude's."""
     label: str = getattr(file, "label", "")

@@ -24,8 +24,13 @@ VectorName: TypeAlias = Literal["rate", "bias"]
 
 QUATERNION = ("qw", "qx", "qy", "qz")
 RATE = ("wx", "wy", "wz")
-_VECTORS: dict[VectorName, tuple[str, str, str]] = {"rate": RATE, "bias": ("bias_x", "bias_y", "bias_z")}
+BIAS = ("bias_x", "bias_y", "bias_z")
+_VECTORS: dict[VectorName, tuple[str, str, str]] = {"rate": RATE, "bias": BIAS}
 MEASURED_RATE = ("rate_wx", "rate_wy", "rate_wz")
+GYRO = ("gyro_wx", "gyro_wy", "gyro_wz")
+VELOCITY = ("velocity_vx", "velocity_vy", "velocity_vz")
+CONTROL_TORQUE = ("control_torque_x", "control_torque_y", "control_torque_z")
+WHEEL_MOMENTUM = ("wheel_momentum_x", "wheel_momentum_y", "wheel_momentum_z")
 _UPPER = np.triu_indices(6)
 _SHAPE = tuple(f"P{i + 1}{j + 1}" for i, j in zip(*_UPPER, strict=True))
 ATTITUDE_SHAPE = tuple(f"P{i + 1}{j + 1}" for i, j in zip(*np.triu_indices(3), strict=True))
@@ -435,6 +440,16 @@ def measured(sensor: str) -> tuple[str, str, str]:
 def reference(sensor: str) -> tuple[str, str, str]:
     """The columns of the same direction in reference axes."""
     return (f"{sensor}_ex", f"{sensor}_ey", f"{sensor}_ez")
+
+
+def as_measured(sensor: str) -> tuple[str, str, str]:
+    """The columns of what a sensor of a direction measured with its length, body axes."""
+    return (f"{sensor}_mx", f"{sensor}_my", f"{sensor}_mz")
+
+
+def moving_reference(sensor: str) -> tuple[str, str, str]:
+    """The columns of a reference that moves, with its length."""
+    return (f"{sensor}_rx", f"{sensor}_ry", f"{sensor}_rz")
 
 
 def own_stamps(sensor: str) -> str:

@@ -190,6 +190,7 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         "bands_note": _bands_note(run) + _shaded(plots.get("bands")),
         "size_hidden": "" if "size" in plots else "hidden",
         "bands_hidden": "" if "bands" in plots else "hidden",
+        "not_measured": _warning(run.why_not_measured),
         "measured_note": "Where it is grey, there was no sample." if any(one.gaps for one in run.measured) else "",
         "measured_hidden": "" if run.measured else "hidden",
         "strip_hidden": "" if "strip" in plots else "hidden",
@@ -241,8 +242,11 @@ def _proposed(run: Run) -> str:
     """That nothing is guaranteed, if the bounds are proposals."""
     if run.bounds_from_recording is None:
         return ""
-    said = f"The bounds are proposals from {escape(run.bounds_from_recording)}: the sets are no guarantee."
-    return f'<p class="warn">{said}</p>'
+    return _warning(f"The bounds are proposals from {run.bounds_from_recording}: the sets are no guarantee.")
+
+
+def _warning(said: str | None) -> str:
+    return "" if said is None else f'<p class="warn">{escape(said)}</p>'
 
 
 def _angles_note(run: Run) -> str:

@@ -171,6 +171,8 @@ class Run:
     """Every measurement that was left out by itself; None without a list."""
     measured: tuple[MeasuredSensor, ...] = ()
     """What the sensors measured; empty if nothing says it."""
+    why_not_measured: str | None = None
+    """Why it is not known, although there is a file of it."""
     void: tuple[str, ...] = ()
     """Sensors that were left out from beginning to end because they contradict their own bounds."""
     heading_from_start: bool = False
@@ -410,6 +412,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     ------
     FileError
         If there is no such table; the message names file, line and column. Or if the summary beside it is damaged.
+        If ``measured.csv`` is, or is of other results, the run says so.
     """
     table = _table_of(Path(result))
     names = column_names(table, "results")
@@ -436,7 +439,6 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     if len(used_charts) > 1:
         raise FileError(f"{table}: column 'chart' changes; one table has one chart")
     summary, beside = _read_summary(table.with_name("summary.json")), table.with_name("dropped.csv")
-    measured = table.with_name(MEASURED)
     single: dict[str, Any] = {field: columns.get(name) for field, name in _SINGLE_COLUMNS.items()}
     run = Run(
         times=columns["time_s"],
@@ -458,7 +460,6 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         turns_reference=stacked_if_there(columns, TURNS_REFERENCE),
         turns_body=stacked_if_there(columns, TURNS_BODY),
         listed=_read_dropped(beside) if claims is not None and beside.is_file() else None,
-        measured=read_measured(measured) if measured.is_file() else (),
         void=summary.void,
         heading_from_start=summary.heading_from_start,
         gaps=summary.gaps,
@@ -472,7 +473,18 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         origin=time_origin(table),
         **single,
     )
-    return run, summary.label
+    return _with_measured(run, table), summary.label
+
+
+def _with_measured(run: Run, table: Path) -> Run:
+    """With what the sensors measured, if there is a file of it that is of this table."""
+    path = table.with_name(MEASURED)
+    if not path.is_file():
+        return run
+    try:
+        return replace(run, measured=read_measured(path, table))
+    except FileError as error:
+        return replace(run, why_not_measured=f"what the sensors measured is not drawn: {error}")
 
 
 def _require_words(table: Path, column: str, found: tuple[str, ...] | None, allowed: tuple[str, ...]) -> None:

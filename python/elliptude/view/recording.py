@@ -201,6 +201,8 @@ def _notes(run: Run, label: str, drawn: Drawn, measured: MeasuredDirections | No
     if run.compared.any():
         error = f", which may itself be off by {_degrees(run.reference_error)}" if run.reference_error else ""
         lines.append(f"Violet is {label}{error}.")
+    if run.why_not_measured is not None:
+        lines.append(f"**Not drawn:** {run.why_not_measured}.")
     if run.heading_from_start:
         lines.append("The heading counts from the first row, because nothing determines it.")
     lines.append(f"Drawn are {in_words(drawn)}.")

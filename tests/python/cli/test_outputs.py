@@ -1,5 +1,9 @@
 """No command replaces what it reads, or writes two outputs to one file, also with --force."""
 
+import html
+import json
+import shutil
+
 import numpy as np
 import pytest
 from elliptude import cli
@@ -168,13 +172,50 @@ def test_results_without_what_was_measured_are_shown_as_before(estimated):
     assert not (estimated / "pictures" / "measured.png").exists()
 
 
-def test_damaged_measurements_are_refused_by_name(estimated):
-    (estimated / "out" / "measured.csv").write_text("# elliptude measured 1\ntime_s,sensor\n0,up\n")
-    done = run("report out --out again.html --pictures pictures")
-    assert done.exit_code == 1
-    assert "out/measured.csv" in "".join(done.output.splitlines())
-    assert not (estimated / "again.html").exists()
-    assert not (estimated / "pictures").exists()
+NOT_DRAWN = "what the sensors measured is not drawn: out/measured.csv: "
+
+
+def shown_without_measured(folder):
+    """What `report` says of what the sensors measured, which it does not draw; the page says the same."""
+    done = run("report out --out again.html --pictures pictures --json --force")
+    assert done.exit_code == 0, done.output
+    json.loads(done.stdout)
+    page = (folder / "again.html").read_text(encoding="utf-8")
+    assert 'aria-labelledby="h-measured" hidden' in page
+    assert (folder / "pictures" / "bands.png").stat().st_size > 10_000
+    assert not (folder / "pictures" / "measured.png").exists()
+    (said,) = [line for line in done.stderr.splitlines() if line.startswith(NOT_DRAWN)]
+    assert html.escape(said) in page
+    return said.removeprefix(NOT_DRAWN)
+
+
+@pytest.mark.parametrize(
+    ("content", "fault"),
+    [
+        (b"# elliptude measured 1\ntime_s,sensor\n0,up\n", "no column 'x'"),
+        (b"", "empty, not even a header"),
+        (bytes(range(256)), "not text"),
+        (b"# elliptude dropped 1\ntime_s\n", "a table of dropped, where one of measured is needed"),
+    ],
+)
+def test_damaged_measurements_are_said_and_all_else_is_drawn(estimated, content, fault):
+    (estimated / "out" / "measured.csv").write_bytes(content)
+    assert fault in shown_without_measured(estimated)
+
+
+def test_measurements_of_other_results_are_not_drawn(estimated):
+    """Of an earlier run of the same log, or of another recording with the same times."""
+    (estimated / "other").mkdir()
+    earlier = ("bound_deg = 5.0", "bound_deg = 6.0", "config.toml")
+    for before, after, name in (earlier, ("0.1,0,0,9.8", "0.2,0,0.1,9.8", "log.csv")):
+        changed = estimated / "other" / name
+        changed.write_text((estimated / name).read_text().replace(before, after))
+        files = {one: f"other/{one}" if one == name else one for one in ("log.csv", "config.toml")}
+        done = run(f"estimate {files['log.csv']} --config {files['config.toml']} --out other/out --force")
+        assert done.exit_code == 0, done.output
+        assert read_run("other/out")[0].measured
+        shutil.copy("other/out/measured.csv", "out/measured.csv")
+        assert "not of results.csv as it is now" in shown_without_measured(estimated)
 
 
 def test_what_was_measured_is_not_replaced_without_force_nor_by_what_is_made_of_it(estimated):

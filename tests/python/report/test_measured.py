@@ -4,9 +4,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from elliptude.configuration import Configuration
 from elliptude.io.files import FileError
+from elliptude.logs.log import read_log
 from elliptude.report import figures
 from elliptude.report.estimated import curves, drawn, measured, stored
+
+RESULTS = "c099142bc3186ded72786ba27e9ea6d2"
+
+
+@pytest.fixture
+def table(tmp_path):
+    path = tmp_path / "results.csv"
+    path.write_bytes(b"results")
+    return path
 
 
 def samples(count, piece):
@@ -59,6 +70,29 @@ def test_times_left_out_are_few_and_of_their_sensor():
     assert len(times) <= measured.LIMIT
     assert np.diff(times).max() < 0.2
     assert left._times_left_out("gyro").size == 0
+
+
+def test_times_are_those_at_which_each_sensor_was_sampled(tmp_path):
+    """Where `timing.same_within_s` brings stamps together, too; also those at which it was left out."""
+    times = 0.01 * np.arange(400)
+    own = times + 0.004 * np.sin(np.arange(400)) ** 2
+    up = np.stack([np.sin(own), np.zeros(400), np.cos(own)], axis=1)
+    np.savez(tmp_path / "log.npz", t=times, own=own, gyr=np.zeros((400, 3)), up=up)
+    star = {"name": "up", "bound_deg": 1.0, "reference": [0.0, 0.0, 1.0], "time_column": "own", "time_unit": "s"}
+    flow = {"kind": "gyro", "columns": [f"gyr[{i}]" for i in range(3)], "noise_deg_per_s": 1.0}
+    given = {"time_column": "t", "timing": {"same_within_s": 0.0045}, "flow": flow | {"earth_rate": "removed"}}
+    given |= {"directions": [star | {"columns": [f"up[{i}]" for i in range(3)]}], "estimator": {"mode": "guaranteed"}}
+    configuration = Configuration.model_validate(given)
+    log = read_log(tmp_path / "log.npz", configuration)
+    kept = measured.Measured(configuration)
+    kept.add(log.since(0))
+    kept.add_left_out_at([(float(log.times[7]), "up"), (float(log.times[9]), "gyro"), (float(log.times[11]), "up")])
+    gyro, sensor = kept.sensors()
+    np.testing.assert_allclose(gyro.times, times[: len(log.times)], atol=1e-12)
+    np.testing.assert_allclose(sensor.times, own[: len(log.times)], atol=1e-12)
+    np.testing.assert_allclose(sensor.values[:, 0], np.sin(sensor.times), atol=1e-12)
+    np.testing.assert_allclose(sensor.left_out, own[[7, 11]], atol=1e-12)
+    np.testing.assert_allclose(gyro.left_out, times[[9]], atol=1e-12)
 
 
 def test_a_panel_has_the_axes_the_gap_and_the_marks():
@@ -120,41 +154,42 @@ def equal(one, other):
 
 
 @pytest.mark.parametrize(("count", "piece"), [(900, 900), (90_000, 700)])
-def test_what_is_stored_comes_back_bit_by_bit(tmp_path, count, piece):
+def test_what_is_stored_comes_back_bit_by_bit(tmp_path, table, count, piece):
     """The order of sensors, gaps, and times at which a sensor was left out, that of a sample or not."""
     times, _, kept = samples(count, piece)
     gyro = stored.MeasuredSensor("gyro", "", "deg/s", *kept.with_gaps(), np.empty(0))
     sensors = [gyro, field(kept, np.array([times[3], times[count // 2 - 1], times[-1] + 1.0]))]
     path = tmp_path / stored.MEASURED
-    stored.write_measured(path, sensors, 1_700_000_000)
+    stored.write_measured(path, sensors, table, 1_700_000_000)
     assert path.read_text(encoding="utf-8").startswith(
-        "# elliptude measured 1; time_s counts from 1700000000 s\ntime_s,sensor,kind,unit,what,x,y,z\n"
+        f"# elliptude measured 1; time_s counts from 1700000000 s\n# of the results {RESULTS}\n"
+        "time_s,sensor,kind,unit,what,x,y,z\n"
     )
-    found = stored.read_measured(path)
+    found = stored.read_measured(path, table)
     assert len(found) == 2
     for one, other in zip(found, sensors, strict=True):
         equal(one, other)
     assert len(found[0].gaps) == 1
 
 
-def test_a_gap_whose_first_sample_was_not_kept_comes_back(tmp_path):
+def test_a_gap_whose_first_sample_was_not_kept_comes_back(tmp_path, table):
     """Many gaps of the same length: of most groups of samples not all that are beside one are kept."""
     kept = measured._Samples()
     times = np.cumsum(np.where(np.arange(40_000) % 5 == 0, 0.1, 0.01))
     kept.add(times, np.random.default_rng(1).standard_normal((40_000, 3)))
     sensor = field(kept, np.empty(0))
     assert len(sensor.gaps) > 100
-    stored.write_measured(tmp_path / stored.MEASURED, [sensor])
-    (found,) = stored.read_measured(tmp_path / stored.MEASURED)
+    stored.write_measured(tmp_path / stored.MEASURED, [sensor], table)
+    (found,) = stored.read_measured(tmp_path / stored.MEASURED, table)
     equal(found, sensor)
 
 
-def test_no_sensor_is_stored_as_an_empty_table(tmp_path):
-    stored.write_measured(tmp_path / stored.MEASURED, [])
-    assert stored.read_measured(tmp_path / stored.MEASURED) == ()
+def test_no_sensor_is_stored_as_an_empty_table(tmp_path, table):
+    stored.write_measured(tmp_path / stored.MEASURED, [], table)
+    assert stored.read_measured(tmp_path / stored.MEASURED, table) == ()
 
 
-HEADER = "# elliptude measured 1\ntime_s,sensor,kind,unit,what,x,y,z\n"
+HEADER = f"# elliptude measured 1\n# of the results {RESULTS}\ntime_s,sensor,kind,unit,what,x,y,z\n"
 
 
 @pytest.mark.parametrize(
@@ -163,27 +198,29 @@ HEADER = "# elliptude measured 1\ntime_s,sensor,kind,unit,what,x,y,z\n"
         (HEADER + "0,up,,,sample,1,2,3\n1,up,,,seen,1,2,3\n", "row 2 below the header: 'seen', not sample, gap or"),
         (HEADER + "0,up,,,sample,1,2,3\n1,,,,sample,1,2,3\n", "row 2 below the header: no name of a sensor"),
         (HEADER + "0,up,,,sample,,,\n", "row 1 below the header: a sample without x y z"),
-        (HEADER + "0,up,,,sample,1,,3\n", r"line 3, column 6 \(x\): a number, but x y z are empty only together"),
-        (HEADER + "0,up,,,sample,1,nan,3\n", r"line 3, column 7 \(y\): not a finite number"),
-        (HEADER + "1,up,,,sample,1,2,3\n0,up,,,sample,1,2,3\n", r"line 4, column 1 \(time_s\): before the time of"),
+        (HEADER + "0,up,,,sample,1,,3\n", r"line 4, column 6 \(x\): a number, but x y z are empty only together"),
+        (HEADER + "0,up,,,sample,1,nan,3\n", r"line 4, column 7 \(y\): not a finite number"),
+        (HEADER + "1,up,,,sample,1,2,3\n0,up,,,sample,1,2,3\n", r"line 5, column 1 \(time_s\): before the time of"),
         (HEADER + "1,up,,,sample,1,2,3\n1,up,,,gap,,,\n", "sensor up: no sample after the gap at 1.000000 s"),
         (HEADER + "1,up,,,left_out,,,\n", "sensor up: no sample"),
         (HEADER.replace(",kind", "") + "0,up,,sample,1,2,3\n", "kind"),
+        (HEADER.replace(RESULTS[:4], "0000") + "1,up,,,sample,1,2,3\n", "not of results.csv as it is now"),
+        ("# elliptude measured 1\n" + HEADER.splitlines()[-1] + "\n1,up,,,sample,1,2,3\n", "not of results.csv"),
         ("# elliptude measured 2\ntime_s\n", "version 2 of the format"),
         ("# elliptude dropped 1\ntime_s\n", "a table of dropped, where one of measured is needed"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_with_a_stored_file_is_said_with_its_place(tmp_path, text, fault):
+def test_what_is_wrong_with_a_stored_file_is_said_with_its_place(tmp_path, table, text, fault):
     path = tmp_path / stored.MEASURED
     path.write_text(text, encoding="utf-8")
     with pytest.raises(FileError, match=fault):
-        stored.read_measured(path)
+        stored.read_measured(path, table)
 
 
-def test_times_of_different_sensors_need_not_be_in_order(tmp_path):
+def test_times_of_different_sensors_need_not_be_in_order(tmp_path, table):
     path = tmp_path / stored.MEASURED
     path.write_text(HEADER + "5,up,,,sample,1,2,3\n1,field,,,sample,1,2,3\n", encoding="utf-8")
-    assert [one.name for one in stored.read_measured(path)] == ["up", "field"]
+    assert [one.name for one in stored.read_measured(path, table)] == ["up", "field"]
 
 
 @pytest.mark.parametrize(("count", "is_marked"), [(1, True), (20, True), (900, False)])

@@ -31,26 +31,39 @@ class Measured:
         self._rate = "gyro" if isinstance(configuration.flow, GyroFlow) else "rate"
         self._samples: dict[str, _Samples] = {}
         self._left_out: dict[str, FloatArray] = {}
+        self._own_stamps: dict[str, _OwnStamps] = {}
 
     def add(self, log: Log) -> None:
         """Take the next piece of a log."""
         if log.rates is not None:
             rows = log.gyro_rows
-            self._of(self._rate).add(log.times[rows], np.rad2deg(log.rates[rows]))
+            times = self._sampled(self._rate, log.times, log.rate_sampled)
+            self._of(self._rate).add(times[rows], np.rad2deg(log.rates[rows]))
         for i, channel in enumerate(self._directions):
-            self._of(channel.name).add(log.times, channel.scale * log.directions[:, i])
+            times = self._sampled(channel.name, log.times, log.sampled(i))
+            self._of(channel.name).add(times, channel.scale * log.directions[:, i])
+
+    def _sampled(self, name: str, times: FloatArray, own: FloatArray | None) -> FloatArray:
+        """When the rows of a piece were sampled: by the sensor's own stamps, which are kept, or by the rows'."""
+        if own is None:
+            return times
+        self._own_stamps.setdefault(name, _OwnStamps()).add(times, own)
+        return own
 
     def add_left_out(self, result: Result) -> None:
         """Take from the next rows of a result when measurements were left out."""
         words = zip(result.times, result.refused, result.dropped or [""] * len(result.times), strict=True)
         self.add_left_out_at((float(time), name) for time, *texts in words for name in set(" ".join(texts).split()))
+        for own in self._own_stamps.values():
+            own.forget_until(float(result.times[-1]))
 
     def add_left_out_at(self, times: Iterable[tuple[float, str]]) -> None:
-        """Take times, s, and the sensors that were left out there."""
+        """Take times of rows, s, and the sensors that were left out there, none of which `add_left_out` has had."""
         by_name: dict[str, list[float]] = {}
         for time, name in times:
             by_name.setdefault(name, []).append(time)
-        for name, more in by_name.items():
+        for name, rows in by_name.items():
+            more = self._own_stamps[name].at(np.array(rows)) if name in self._own_stamps else np.array(rows)
             kept = np.unique(np.concatenate([self._left_out.get(name, np.empty(0)), more]))
             if len(kept) > LIMIT:  # one of all that would hide one another
                 bins = np.floor((kept - kept[0]) / (kept[-1] - kept[0]) * (LIMIT - 1))
@@ -73,6 +86,29 @@ class Measured:
 
     def _of(self, name: str) -> "_Samples":
         return self._samples.setdefault(name, _Samples())
+
+
+class _OwnStamps:
+    """When a sensor was sampled, by the times of the rows of which it is not yet said whether they were left out."""
+
+    def __init__(self) -> None:
+        self._rows, self._own = np.empty(0), np.empty(0)
+
+    def add(self, rows: FloatArray, own: FloatArray) -> None:
+        """Take the next rows."""
+        self._rows, self._own = np.concatenate([self._rows, rows]), np.concatenate([self._own, own])
+
+    def at(self, rows: FloatArray) -> FloatArray:
+        """The stamps of some rows; where the sensor has none of its own, those of the rows."""
+        if not len(self._rows):
+            return rows
+        places = np.minimum(np.searchsorted(self._rows, rows), len(self._rows) - 1)
+        return np.where(self._rows[places] == rows, self._own[places], rows)
+
+    def forget_until(self, time: float) -> None:
+        """The rows up to a time, s, are not asked for again."""
+        later = int(np.searchsorted(self._rows, time, side="right"))
+        self._rows, self._own = self._rows[later:], self._own[later:]
 
 
 class _Samples:

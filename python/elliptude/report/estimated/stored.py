@@ -1,5 +1,6 @@
 """The file ``measured.csv`` beside a table of results: what sensors measured, in few enough samples for a picture."""
 
+import hashlib
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.io.column_files import Column, read_events, stacked, write_columns
-from elliptude.io.files import FileError
+from elliptude.io.column_files import Column, comments_in, read_events, stacked, writing_columns
+from elliptude.io.files import FileError, system_fault
 from elliptude.typing import FloatArray
 
 MEASURED = "measured.csv"
@@ -19,6 +20,26 @@ MEASURED = "measured.csv"
 _SAMPLE, _GAP, _LEFT_OUT = "sample", "gap", "left_out"
 _VALUES = ("x", "y", "z")
 _MARK_BELOW = 150
+_OF_RESULTS = "of the results "
+
+
+def fingerprint_of(table: Path) -> str:
+    """A few hexadecimal digits that tell a table of results from others.
+
+    Parameters
+    ----------
+    table : pathlib.Path
+
+    Raises
+    ------
+    FileError
+        If it cannot be read.
+    """
+    try:
+        with table.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()[:32]
+    except OSError as fault:
+        raise FileError(f"{table}: {system_fault(fault)}") from fault
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +85,9 @@ def with_gaps(
     return np.insert(times, rows, middles), np.insert(values, rows, np.nan, axis=0)
 
 
-def write_measured(path: str | os.PathLike[str], sensors: Sequence[MeasuredSensor], origin: int = 0) -> None:
+def write_measured(
+    path: str | os.PathLike[str], sensors: Sequence[MeasuredSensor], table: Path, origin: int = 0
+) -> None:
     """Write the samples, gaps and times of sensors, one sensor after the other, in whole or not at all.
 
     Parameters
@@ -72,13 +95,15 @@ def write_measured(path: str | os.PathLike[str], sensors: Sequence[MeasuredSenso
     path : path-like
     sensors : sequence of MeasuredSensor
         A table without rows is written for none.
+    table : pathlib.Path
+        The results that were estimated from them; it has been written.
     origin : int
         The second of the recording's clock that the times count from.
 
     Raises
     ------
     FileError
-        If it cannot be written.
+        If it cannot be written, or the results cannot be read.
     """
     parts = [_rows_of(sensor) for sensor in sensors]
     counts = [len(times) for times, _, _ in parts]
@@ -90,7 +115,8 @@ def write_measured(path: str | os.PathLike[str], sensors: Sequence[MeasuredSenso
         "unit": [sensor.unit for sensor, count in zip(sensors, counts, strict=True) for _ in range(count)],
         "what": [word for _, _, what in parts for word in what],
     }
-    write_columns(path, "measured", columns | dict(zip(_VALUES, values.T, strict=True)), origin)
+    with writing_columns(path, "measured", [_OF_RESULTS + fingerprint_of(table)]) as write:
+        write(columns | dict(zip(_VALUES, values.T, strict=True)), origin)
 
 
 def _rows_of(sensor: MeasuredSensor) -> tuple[FloatArray, FloatArray, list[str]]:
@@ -105,12 +131,14 @@ def _rows_of(sensor: MeasuredSensor) -> tuple[FloatArray, FloatArray, list[str]]
     return times[order], values[order], [what[row] for row in order]
 
 
-def read_measured(path: Path) -> tuple[MeasuredSensor, ...]:
+def read_measured(path: Path, table: Path) -> tuple[MeasuredSensor, ...]:
     """Read what `write_measured` wrote.
 
     Parameters
     ----------
     path : pathlib.Path
+    table : pathlib.Path
+        The results that it must be of.
 
     Returns
     -------
@@ -120,7 +148,7 @@ def read_measured(path: Path) -> tuple[MeasuredSensor, ...]:
     Raises
     ------
     FileError
-        If it is no such table; the message names file, line and column.
+        If it is no such table; the message names file, line and column. Or if it is of other results.
     """
     texts = ("sensor", "kind", "unit", "what")
     columns = read_events(path, "measured", optional=[_VALUES], texts=texts, ordered_in="sensor")
@@ -131,6 +159,8 @@ def read_measured(path: Path) -> tuple[MeasuredSensor, ...]:
         raise FileError(f"{path}: row {row + 1} below the header: no name of a sensor")
     for row in np.flatnonzero((what == _SAMPLE) & np.isnan(columns["x"])):
         raise FileError(f"{path}: row {row + 1} below the header: a sample without x y z")
+    if _OF_RESULTS + fingerprint_of(table) not in comments_in(path):
+        raise FileError(f"{path}: not of {table.name} as it is now, but of an earlier run or of another recording")
     return tuple(_sensor(path, columns, names == name) for name in dict.fromkeys(names))
 
 
