@@ -143,19 +143,32 @@ def _listed(columns: str, count: int, option: str) -> list[str]:
     return listed
 
 
+# Spellings that a header has for the letters of a unit.
+_SPELLINGS = str.maketrans({"µ": "u", "μ": "u", "°": "deg", "²": "^2"})
+
+
+def _with_unit(columns: Sequence[str], unit: str, more: str = "") -> str:
+    """Columns with the unit as which they are read, which is said once if their names end with it."""
+    cut = [column.rpartition(" (") for column in columns]
+    if all(name and end.removesuffix(")").translate(_SPELLINGS) == unit for name, _, end in cut):
+        columns = [name for name, _, _ in cut]
+    return f"{', '.join(columns)} ({unit}{more})"
+
+
 def in_words(tables: Tables) -> list[str]:
     """How each column was read."""
     lines = ["time: the file's own stamps"]
     if "time_column" in tables:
-        lines = [f"time: {tables['time_column']} ({tables.get('time_unit', 's')})"]
+        lines = [f"time: {_with_unit([tables['time_column']], tables.get('time_unit', 's'))}"]
     for sensor in [tables["flow"], *tables.get("directions", [])]:
         down = ", down at rest" if sensor.get("at_rest") == "down" else ""
         field = f", 1 is {sensor['unit_ut']:g} µT" if "unit_ut" in sensor else ""
-        columns = ", ".join(sensor["columns"])
-        lines.append(f"{sensor.get('kind', 'direction')}: {columns} ({sensor.get('unit', '-')}{down}{field})")
+        kind = sensor.get("kind", "direction")
+        unit = sensor.get("unit", "rad/s" if kind == "gyro" else "no unit")
+        lines.append(f"{kind}: {_with_unit(sensor['columns'], unit, down + field)}")
     if "velocity" in tables:
         velocity = tables["velocity"]
-        lines.append(f"velocity: {', '.join(velocity['columns'])} ({velocity.get('unit', 'm/s')})")
+        lines.append(f"velocity: {_with_unit(velocity['columns'], velocity.get('unit', 'm/s'))}")
     if "truth" in tables:
         lines.append(f"reference attitude: {', '.join(tables['truth']['attitude_columns'])}")
     return lines

@@ -2,6 +2,7 @@
 
 import pytest
 from elliptude import units
+from elliptude.cli.columns import in_words
 from elliptude.proposal.mapping import of_headers, why_not_stated
 
 PHYPHOX = ["Time (s)"] + [
@@ -26,6 +27,22 @@ def test_phyphox():
         ("magnetometer", PHYPHOX[10:13]),
     ]
     assert [one["unit"] for one in tables["directions"]] == ["m/s^2", "uT"]
+
+
+def test_a_unit_is_said_once():
+    """In a header and as what it is read; another one than the header's is said beside it."""
+    tables = of_headers(PHYPHOX)
+    assert in_words(tables) == [
+        "time: Time (s)",
+        "gyro: Gyroscope x, Gyroscope y, Gyroscope z (rad/s)",
+        "accelerometer: Acceleration x, Acceleration y, Acceleration z (m/s^2)",
+        "magnetometer: Magnetic field x, Magnetic field y, Magnetic field z (uT)",
+    ]
+    tables["flow"]["unit"] = "deg/s"
+    assert in_words(tables)[1].endswith("Gyroscope z (rad/s) (deg/s)")
+    # Where a configuration leaves the unit out, it is that which this means.
+    plain = {"flow": {"kind": "gyro", "columns": ["g[0]", "g[1]", "g[2]"]}}
+    assert in_words(plain)[1] == "gyro: g[0], g[1], g[2] (rad/s)"
 
 
 def test_euroc():
