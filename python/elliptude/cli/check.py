@@ -64,7 +64,9 @@ def check(
             color = typer.colors.RED if finding.severity == "error" else typer.colors.YELLOW
             typer.secho(f"{finding.severity}: {finding}", fg=color)
         errors = sum(finding.severity == "error" for finding in report.findings)
-        typer.echo(f"{source}: {errors} errors, {len(report.findings) - errors} warnings")
+        warnings = len(report.findings) - errors
+        counts = [f"{count} {word}{'s' * (count != 1)}" for count, word in ((errors, "error"), (warnings, "warning"))]
+        typer.echo(f"{source}: {', '.join(counts)}")
     if not report.is_good:
         raise typer.Exit(1)
 

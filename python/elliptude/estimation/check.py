@@ -242,7 +242,7 @@ def _suspicions(samples: Samples, configuration: Configuration) -> list[Finding]
             warn(f"its median norm is {median / scale:.4g} {unit}, which is not the Earth's field" + _as_if(fitting))
     elif samples.name in {"the gyro", "rate"} and (norms > _FULL_RANGE).any():
         fastest = np.rad2deg(norms.max())
-        warn(f"up to {norms.max() / scale:.4g} {unit}, which is {fastest:.0f} deg/s: more than most gyros can show")
+        warn(f"up to {norms.max() / scale:.4g} {unit}, which is {fastest:.4g} deg/s: more than most gyros can show")
     elif samples.name == "true attitude":
         worst = float(np.abs(norms - 1.0).max())
         if worst > _UNIT_NORM_TOLERANCE:

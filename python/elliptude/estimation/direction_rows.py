@@ -338,6 +338,8 @@ def _over_windows(
             f"{100.0 * share:.3g} % of the gyro's rows have both"
         )
 
+    usual = float(np.median(np.diff(times))) if len(times) > 1 else math.inf
+
     def known(value: float | None) -> float:
         return math.inf if value is None else value
 
@@ -359,7 +361,7 @@ def _over_windows(
         time_offset=offset,
         time_offset_change=known(bound.time_offset_change_s),
         at=bound.at,
-        maximum_step=min(_LONGEST_STEP * float(np.median(np.diff(times))), gyro.longest_interval),
+        maximum_step=min(_LONGEST_STEP * usual, gyro.longest_interval),
         velocity=velocity,
         sampled=None if sampled is None else sampled[rows],
     )

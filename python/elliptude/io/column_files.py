@@ -338,6 +338,10 @@ def _numbers_of(
 
 
 def _open(path: str | os.PathLike[str], kind: Kind | None = None) -> Table:
+    if Path(path).is_dir():
+        tables = [str(one) for name in ("results.csv", "results.parquet") if (one := Path(path) / name).is_file()]
+        remedy = f"name the table in it: {' or '.join(tables)}" if tables else "where a table is needed"
+        raise FileError(f"{path}: a folder, {remedy}")
     if not Path(path).is_file():
         raise FileError(f"{path}: {'not a regular file' if Path(path).exists() else 'no such file'}")
     source: Table = ParquetTable(path) if Path(path).suffix == ".parquet" else CsvTable(path)

@@ -214,7 +214,10 @@ def read_pieces(path: LogSource, configuration: Configuration) -> Iterator[Log]:
     if is_empty:
         if all(clock.is_empty for clock in clocks):
             raise FileError(f"{file.path}: a header, but no rows below it")
-        raise FileError(f"{file.path}: no row between the first and the last sample of {_filled(configuration)}")
+        raise FileError(
+            f"{file.path}: no row between the first and the last sample of {_filled(configuration)}, which every row "
+            "needs: its columns are empty, or its times are others than those of the rows"
+        )
 
 
 def open_configured(path: LogSource, configuration: Configuration) -> LogFile:

@@ -11,7 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from elliptude.configuration.configuration import Configuration
-from elliptude.io.column_files import counts_from, read_columns, stacked, time_origin
+from elliptude.io.column_files import column_names, counts_from, read_columns, stacked, time_origin
 from elliptude.io.files import FileError
 from elliptude.io.tables import QUATERNION
 from elliptude.logs import log
@@ -62,6 +62,13 @@ def read_reference(
         If it has no such attitudes.
     """
     if configuration is None:
+        if "time_s" not in (names := column_names(path)):
+            there_are = ", ".join(names[:12]) + (f" and {len(names) - 12} others" if len(names) > 12 else "")
+            raise FileError(
+                f"{path}: no column 'time_s', so no table with time_s,qw,qx,qy,qz; the columns are {there_are}. A "
+                "configuration whose [truth] names the columns says how another file is read: --config of compare, "
+                "--estimate-config of monitor"
+            )
         columns = read_columns(path, optional=[QUATERNION])
         times, quaternions, order, turns = columns["time_s"], stacked(columns, QUATERNION), "wxyz", "body_to_reference"
         since = time_origin(path)

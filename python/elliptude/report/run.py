@@ -416,6 +416,11 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     """
     table = _table_of(Path(result))
     names = column_names(table, "results")
+    if "time_s" not in names:
+        raise FileError(
+            f"{table}: no column 'time_s', so no table of results, as `elliptude estimate` writes it; a log is for "
+            "estimate, or for monitor with --config"
+        )
     texts = [name for name in ("claim", "dropped", "chart", "up_claim") if name in names]
     with_errors = ATTITUDE_ERRORS[0] in names
     further = [name for name in _SINGLE_COLUMNS.values() if name in names]

@@ -257,7 +257,7 @@ def test_check_says_what_estimate_refuses(tmp_path, rows, said):
     assert (checked.exit_code, estimated.exit_code) == (1, 1)
     assert said in words(checked)
     assert said in words(estimated)
-    assert "1 errors" in words(checked)
+    assert "1 error, 0 warnings" in words(checked)
     proposed = words(run("bounds", log, "--like", "broad"))
     assert ("Fewer than 67 samples a second need statements of their own" in proposed) == ("apart" in said)
 
@@ -494,6 +494,31 @@ def test_a_heading_that_counts_from_the_first_row(tmp_path):
     done = run("compare", tmp_path / "out", path)
     assert done.exit_code == 1
     assert "the heading counts from the first row" in words(done)
+
+
+def test_files_of_another_kind(estimated):
+    """A folder of results in the place of its table, a log in the place of attitudes or of results."""
+    folder, _ = estimated
+    (folder / "log.csv").write_text("t,gx,gy,gz\n0,0,0,0\n")
+    for command in (
+        ("compare", folder / "out", folder / "out"),
+        ("monitor", folder / "out", "--estimate", folder / "out"),
+    ):
+        assert "a folder, name the table in it: " in words(run(*command))
+    for command in (
+        ("compare", folder / "out", folder / "log.csv"),
+        ("monitor", folder / "out", "--estimate", folder / "log.csv"),
+    ):
+        said = words(run(*command))
+        assert (
+            "no column 'time_s', so no table with time_s,qw,qx,qy,qz; the columns are t, gx, gy, gz. A config" in said
+        )
+        assert "--config of compare, --estimate-config of monitor" in said
+    for command in (
+        ("monitor", folder / "log.csv", "--estimate", folder / "out" / "results.csv"),
+        ("report", folder / "log.csv", "--out", folder / "report.html"),
+    ):
+        assert "so no table of results, as `elliptude estimate` writes it" in words(run(*command))
 
 
 @pytest.mark.parametrize(
