@@ -7,6 +7,7 @@ what is left is then nearly attained, so that a term that is missing in a bound 
 """
 
 import argparse
+import math
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -121,10 +122,14 @@ def _stated(of: Drawn) -> Tables:
     references = [sensor["reference"] for sensor in directions if isinstance(sensor.get("reference"), dict)]
     if not any("declination_deg" in one for one in references) and of.maybe(0.15):
         tables["estimator"] |= {"policy": "relaxed", "most_wrong": 1}
-    if not references and not tables["flow"].get("estimate_bias") and of.maybe(0.15):
-        size = of.among(1e-8, 1e-2)
-        shape = [size, size * of.one(1.0, 0.1), size, 1e-12, 1e-12, 1e-12]
+    if not references and of.maybe(0.15):
+        size, of_bias = of.among(1e-8, 1e-2), 1e-12
+        if tables["flow"].get("estimate_bias"):
+            of_bias = (of.among(1e-3, 1.0) * math.radians(tables["flow"]["bias_deg_per_s"])) ** 2
+        shape = [size, size * of.one(1.0, 0.1), size, of_bias, of_bias, of_bias]
         tables["start"] = {"kind": "given", "attitude_qw_qx_qy_qz": [0.5, -0.3, 0.7, 0.4], "P_diagonal": shape}
+    if any("time_column" in one for one in (*directions, tables.get("velocity", {}))) and of.maybe(0.4):
+        tables["timing"] = {"same_within_s": of.among(1e-4, 0.03)}
     if all("kind" not in sensor for sensor in directions) and of.maybe(0.5):
         tables["reference_frame"] = "J2000"
         directions[0].pop("reference_columns", None)
