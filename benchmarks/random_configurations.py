@@ -129,7 +129,9 @@ def _stated(of: Drawn) -> Tables:
         shape = [size, size * of.one(1.0, 0.1), size, of_bias, of_bias, of_bias]
         tables["start"] = {"kind": "given", "attitude_qw_qx_qy_qz": [0.5, -0.3, 0.7, 0.4], "P_diagonal": shape}
     if any("time_column" in one for one in (*directions, tables.get("velocity", {}))) and of.maybe(0.4):
-        tables["timing"] = {"same_within_s": of.among(1e-4, 0.03)}
+        # Not so much that samples of one sensor would share a row.
+        longest = 0.2 * tables["flow"].get("longest_interval_s", 0.1)
+        tables["timing"] = {"same_within_s": of.among(0.01, 1.0) * longest}
     if all("kind" not in sensor for sensor in directions) and of.maybe(0.5):
         tables["reference_frame"] = "J2000"
         directions[0].pop("reference_columns", None)
