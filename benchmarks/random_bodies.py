@@ -45,7 +45,7 @@ def draw_body(of: Drawn) -> Tables:
         tables["start"] = _start(of, 0.3 * rate * math.sqrt(least / greatest))
     if of.maybe(0.5):
         tables["timing"] = {"origin": "first"}
-    if "time_column" not in tables.get("rate", {}) and "largest_rate_deg_per_s" in flow and of.maybe(0.3):
+    if "rate" not in tables and of.maybe(0.3):
         tables.setdefault("timing", {})["same_within_s"] = of.among(1e-4, 0.03)
     return tables
 

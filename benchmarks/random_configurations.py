@@ -45,6 +45,10 @@ def draw_configuration(seed: Any) -> Tables:
     if kind == "a body":
         return draw_body(of)
     tables = _ruled(of) if kind == "a rule" else _stated(of)
+    if of.maybe(0.3):
+        tables["time_unit"] = of.one("ms", "ns")
+    if of.maybe(0.3):
+        tables["timing"] = tables.get("timing", {}) | {"origin": "first"}
     if of.maybe(0.3) and (calibration := draw_calibration(of, tables)):
         tables["calibration"] = calibration
     return tables
@@ -61,16 +65,18 @@ def _ruled(of: Drawn) -> Tables:
     stated = {"kind": "stated"} | rule
     if of.maybe(0.6):
         stated["anchor_s"] = of.one(0.3, 1.0, 4.0)
+    flow = {"kind": "gyro", "columns": ["gx", "gy", "gz"], "unit": of.one("rad/s", "deg/s")}
     directions = [sensor_of("up", "accelerometer", "a")]
     if with_field:
         directions.append(sensor_of("field", "magnetometer", "m"))
-    return {
-        "time_column": "t",
-        "rule": stated,
-        "flow": {"kind": "gyro", "columns": ["gx", "gy", "gz"], "unit": of.one("rad/s", "deg/s")},
-        "directions": directions,
-        "estimator": estimator(of, has_rule=True),
-    }
+    if of.maybe(0.3):
+        directions[0] |= {"unit": "g", "at_rest": "down"}
+    for sensor in (flow, *directions):
+        sensor |= {"axes": ["-z", "x", "-y"]} if of.maybe(0.3) else {}
+    tables: Tables = {"time_column": "t", "rule": stated, "flow": flow, "directions": directions}
+    if of.maybe(0.25):
+        tables["velocity"] = _velocity(of)
+    return tables | {"estimator": estimator(of, has_rule=True)}
 
 
 def _changed_rule(of: Drawn, rule: Tables) -> Tables:

@@ -67,6 +67,12 @@ class Draw:
         self.grid, self.kept = self._grid() if stated.body is None else self._grid_of(stated.body)
         self.first = float(self.grid[self.kept][0])
 
+    def _second(self) -> float:
+        """Where a log begins in its file's time, about, s: anywhere, if its times count from its own first second."""
+        if self.stated.configuration.timing.origin != "first" or any(rest.shows is None for rest in self.stated.rests):
+            return 0.0
+        return float(self.draws.choice([0.0, 86_400.25]))
+
     def _signs(self) -> dict[str, float]:
         kind, draws = self.kinds["offsets"], self.draws
         names = ["the gyro", "the velocity", "rate", *(sensor.name for sensor in self.stated.directions)]
@@ -148,7 +154,7 @@ class Draw:
             for at in draws.choice(count, 3):
                 kept[at : at + int(draws.integers(1, 12))] &= ~losable[at : at + int(draws.integers(1, 12))][:1].any()
         kept[np.flatnonzero((grid >= begin) & (grid <= begin + lasts))[[0, 1, -2, -1]]] = True
-        return np.round(grid, 7), kept
+        return np.round(grid + self._second(), 7), kept
 
     def _grid_of(self, body: StatedBody) -> tuple[FloatArray, NDArray[np.bool_]]:
         """When a rigid body's log might have rows, some time before and behind it, and which of these it has."""
@@ -160,9 +166,7 @@ class Draw:
         turns = nominal.pace(self.rate, nominal.largest_torque() + body.flow.unknown_torque_n_m, 0.0)
         step = min(10.0 ** draws.uniform(-1.8, -0.3) / max(turns, 1e-6), 200.0 * body.flow.step_s)
         step = max(float(f"{step:.3g}"), 1e-4, self.apart)
-        begin = float(draws.choice([0.0, 0.0, 37.5]))
-        if self.stated.configuration.timing.origin == "first":
-            begin += float(draws.choice([0.0, 86_400.0]))
+        begin = float(draws.choice([0.0, 0.0, 37.5])) + self._second()
         lasts = step * int(draws.integers(30, 200))
         pad = self.more + 2.0 * step
         grid = begin - pad + step * np.arange(math.ceil((lasts + 2.0 * pad) / step))
