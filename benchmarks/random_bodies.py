@@ -45,6 +45,8 @@ def draw_body(of: Drawn) -> Tables:
         tables["start"] = _start(of, 0.3 * rate * math.sqrt(least / greatest))
     if of.maybe(0.5):
         tables["timing"] = {"origin": "first"}
+    if "rate" not in tables and of.maybe(0.3):
+        tables.setdefault("timing", {})["same_within_s"] = of.among(1e-4, 0.03)
     return tables
 
 

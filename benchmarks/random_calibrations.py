@@ -48,7 +48,7 @@ def _of_vectors(of: Drawn, sensor: Tables, stated: Tables) -> Tables:
 
 
 def _of_gyro(of: Drawn, flow: Tables, stated: Tables) -> Tables:
-    table = {"name": "gyro", "kind": "gyro", "columns": flow["columns"], "unit": flow["unit"], "matrix": _matrix(of)}
+    table = _same(flow) | {"name": "gyro", "matrix": _matrix(of)}
     table["scale_error"] = stated["scale_error"] * of.one(0.0, 0.3, 0.9)
     if of.maybe(0.4):
         table["noise_deg_per_s"] = stated["noise_deg_per_s"] * of.one(0.5, 2.0)

@@ -7,6 +7,7 @@ what is left is then nearly attained, so that a term that is missing in a bound 
 """
 
 import argparse
+import math
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,10 @@ def draw_configuration(seed: Any) -> Tables:
     if kind == "a body":
         return draw_body(of)
     tables = _ruled(of) if kind == "a rule" else _stated(of)
+    if of.maybe(0.3):
+        tables["time_unit"] = of.one("ms", "ns")
+    if of.maybe(0.3):
+        tables["timing"] = tables.get("timing", {}) | {"origin": "first"}
     if of.maybe(0.3) and (calibration := draw_calibration(of, tables)):
         tables["calibration"] = calibration
     return tables
@@ -60,16 +65,18 @@ def _ruled(of: Drawn) -> Tables:
     stated = {"kind": "stated"} | rule
     if of.maybe(0.6):
         stated["anchor_s"] = of.one(0.3, 1.0, 4.0)
+    flow = {"kind": "gyro", "columns": ["gx", "gy", "gz"], "unit": of.one("rad/s", "deg/s")}
     directions = [sensor_of("up", "accelerometer", "a")]
     if with_field:
         directions.append(sensor_of("field", "magnetometer", "m"))
-    return {
-        "time_column": "t",
-        "rule": stated,
-        "flow": {"kind": "gyro", "columns": ["gx", "gy", "gz"], "unit": of.one("rad/s", "deg/s")},
-        "directions": directions,
-        "estimator": estimator(of, has_rule=True),
-    }
+    if of.maybe(0.3):
+        directions[0] |= {"unit": "g", "at_rest": "down"}
+    for sensor in (flow, *directions):
+        sensor |= {"axes": ["-z", "x", "-y"]} if of.maybe(0.3) else {}
+    tables: Tables = {"time_column": "t", "rule": stated, "flow": flow, "directions": directions}
+    if of.maybe(0.25):
+        tables["velocity"] = _velocity(of)
+    return tables | {"estimator": estimator(of, has_rule=True)}
 
 
 def _changed_rule(of: Drawn, rule: Tables) -> Tables:
@@ -121,10 +128,16 @@ def _stated(of: Drawn) -> Tables:
     references = [sensor["reference"] for sensor in directions if isinstance(sensor.get("reference"), dict)]
     if not any("declination_deg" in one for one in references) and of.maybe(0.15):
         tables["estimator"] |= {"policy": "relaxed", "most_wrong": 1}
-    if not references and not tables["flow"].get("estimate_bias") and of.maybe(0.15):
-        size = of.among(1e-8, 1e-2)
-        shape = [size, size * of.one(1.0, 0.1), size, 1e-12, 1e-12, 1e-12]
+    if not references and of.maybe(0.15):
+        size, of_bias = of.among(1e-8, 1e-2), 1e-12
+        if tables["flow"].get("estimate_bias"):
+            of_bias = (of.among(1e-3, 1.0) * math.radians(tables["flow"]["bias_deg_per_s"])) ** 2
+        shape = [size, size * of.one(1.0, 0.1), size, of_bias, of_bias, of_bias]
         tables["start"] = {"kind": "given", "attitude_qw_qx_qy_qz": [0.5, -0.3, 0.7, 0.4], "P_diagonal": shape}
+    if any("time_column" in one for one in (*directions, tables.get("velocity", {}))) and of.maybe(0.4):
+        # Not so much that samples of one sensor would share a row.
+        longest = 0.2 * tables["flow"].get("longest_interval_s", 0.1)
+        tables["timing"] = {"same_within_s": of.among(0.01, 1.0) * longest}
     if all("kind" not in sensor for sensor in directions) and of.maybe(0.5):
         tables["reference_frame"] = "J2000"
         directions[0].pop("reference_columns", None)

@@ -6,6 +6,7 @@ import json
 import sys
 from pathlib import Path
 
+import elliptude
 import numpy as np
 import pytest
 import tomlkit
@@ -23,6 +24,7 @@ from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Direction, DirectionBase
 from elliptude.estimation import direction_rows, guaranteed_run
 from elliptude.io.toml import validate
+from elliptude.logs.log import Log
 from elliptude.logs.rest_phase import ReferenceBounds
 from elliptude.validation.recordings import trials
 from elliptude.validation.recordings.drawing import draw_recording
@@ -232,6 +234,23 @@ WEAKENED = {
             {}, STILL_UP, FIELD | {"reference": REST, "sensor_error": {"error_ut": 2.0}} | NO_DISTURBANCE
         ),
     ),
+    "samples beside their rows": (
+        lambda m: m.setattr(Log, "sampled", lambda *_: None),
+        lambda: configured({}, FIXED | RARE, STAR, timing={"same_within_s": 0.01}),
+    ),
+    "a start of attitude and bias": (
+        lambda m: m.setattr(guaranteed_run, "_start", _smaller_set(guaranteed_run._start)),
+        lambda: configured(
+            {"bias_deg_per_s": 0.5, "estimate_bias": True, "known_bias_deg_per_s": [0.3, -2.0, 1.0]},
+            FIXED | {"bound_deg": 1e-4},
+            STAR | {"bound_deg": 1e-4},
+            start={
+                "kind": "given",
+                "attitude_qw_qx_qy_qz": [0.5, -0.3, 0.7, 0.4],
+                "P_diagonal": [1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6],
+            },
+        ),
+    ),
     "a rule's reference field": (
         lambda m: m.setattr(rules, "_field_at_rest", _exact(rules._field_at_rest)),
         lambda: ruled(magnetometer={"error_ut": 2.0, "averaged_error_ut": 2.0}),
@@ -241,6 +260,14 @@ WEAKENED = {
 
 def _without_scale(whole):
     return lambda gyro, flow: whole(dataclasses.replace(gyro, scale_error=0.0), flow)
+
+
+def _smaller_set(whole):
+    def start(*given):
+        found, starts_heading = whole(*given)
+        return elliptude.StateEllipsoid(found.attitude, found.vector, 0.5 * found.shape), starts_heading
+
+    return start
 
 
 def _exact(whole):

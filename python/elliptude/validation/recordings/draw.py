@@ -67,6 +67,12 @@ class Draw:
         self.grid, self.kept = self._grid() if stated.body is None else self._grid_of(stated.body)
         self.first = float(self.grid[self.kept][0])
 
+    def _second(self) -> float:
+        """Where a log begins in its file's time, about, s: anywhere, if its times count from its own first second."""
+        if self.stated.configuration.timing.origin != "first" or any(rest.shows is None for rest in self.stated.rests):
+            return 0.0
+        return float(self.draws.choice([0.0, 86_400.25]))
+
     def _signs(self) -> dict[str, float]:
         kind, draws = self.kinds["offsets"], self.draws
         names = ["the gyro", "the velocity", "rate", *(sensor.name for sensor in self.stated.directions)]
@@ -103,6 +109,11 @@ class Draw:
         return changes
 
     @property
+    def apart(self) -> float:
+        """How far samples of a sensor are apart at least, s, so that none is put into the row of the one before."""
+        return 4.0 * self.stated.configuration.timing.same_within_s
+
+    @property
     def more(self) -> float:
         """How far any stamp may be off, and how late it may be, s."""
         offsets = [
@@ -122,6 +133,7 @@ class Draw:
             step = stated.gyro.interval * float(draws.choice([0.5, 0.65, 0.95]))
         if windows:
             step = min(step, min(windows) / 20.0)
+        step = max(step, self.apart)
         rests = stated.rests
         begin = min([0.0, *(rest.begin - draws.uniform(0.0, 1.0) for rest in rests if rest.shows is None)])
         resting = max((rest.end - begin for rest in rests), default=0.0)
@@ -142,7 +154,7 @@ class Draw:
             for at in draws.choice(count, 3):
                 kept[at : at + int(draws.integers(1, 12))] &= ~losable[at : at + int(draws.integers(1, 12))][:1].any()
         kept[np.flatnonzero((grid >= begin) & (grid <= begin + lasts))[[0, 1, -2, -1]]] = True
-        return np.round(grid, 7), kept
+        return np.round(grid + self._second(), 7), kept
 
     def _grid_of(self, body: StatedBody) -> tuple[FloatArray, NDArray[np.bool_]]:
         """When a rigid body's log might have rows, some time before and behind it, and which of these it has."""
@@ -153,10 +165,8 @@ class Draw:
         nominal = RigidMotion(body.inertia, body.flow.potential)
         turns = nominal.pace(self.rate, nominal.largest_torque() + body.flow.unknown_torque_n_m, 0.0)
         step = min(10.0 ** draws.uniform(-1.8, -0.3) / max(turns, 1e-6), 200.0 * body.flow.step_s)
-        step = max(float(f"{step:.3g}"), 1e-4)
-        begin = float(draws.choice([0.0, 0.0, 37.5]))
-        if self.stated.configuration.timing.origin == "first":
-            begin += float(draws.choice([0.0, 86_400.0]))
+        step = max(float(f"{step:.3g}"), 1e-4, self.apart)
+        begin = float(draws.choice([0.0, 0.0, 37.5])) + self._second()
         lasts = step * int(draws.integers(30, 200))
         pad = self.more + 2.0 * step
         grid = begin - pad + step * np.arange(math.ceil((lasts + 2.0 * pad) / step))
@@ -174,6 +184,7 @@ def own_stamps(of: Draw, delay: float) -> FloatArray:
     step = float(np.median(np.diff(times))) * of.draws.choice([0.7, 1.0, 3.3, 10.0, 37.0])
     if of.stated.rests:
         step = min(step, (of.stated.rests[0].end - of.stated.rests[0].begin) / 20.0)
+    step = max(step, of.apart)
     # A file has a row for each stamp of its own clock, and what is beside that ends no later.
     count = max(min(int((times[-1] - times[0]) / step), len(times)), 1)
     stamps = times[0] + step * (np.arange(count) + of.draws.uniform(0.0, 1.0))

@@ -15,6 +15,7 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import GivenStart
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import AnyDirection, Direction, Magnetometer, Rate, RestPhase, rotation_of_axes
+from elliptude.io.files import FileError
 from elliptude.typing import FloatArray
 from elliptude.validation.recordings.bodies import draw_body
 from elliptude.validation.recordings.draw import Draw, own_stamps
@@ -23,6 +24,9 @@ from elliptude.validation.recordings.sensors import moved_in, shown_by, shown_ve
 from elliptude.validation.recordings.statements import Stated
 from elliptude.validation.recordings.truth.tumbling import Tumbling
 from elliptude.validation.recordings.truth.turning import Turning
+
+# States of a start are drawn until one has a bias that is stated.
+_TRIES = 1000
 
 
 @dataclass(eq=False)
@@ -114,8 +118,10 @@ def _moving(
         moving = draw_body(of, min(firsts))
         columns |= moving.columns
         return moving.tumbling, moving.tumbling.rates, np.zeros(3)
-    shown = draw_gyro(stated, of.grid, of.kept, of.more, of.kinds | {"scale": of.kinds["gyro scale"]}, of.draws)
-    _set_attitude(of, shown)
+    attitude, of_start = _start(of)
+    kinds = of.kinds | {"scale": of.kinds["gyro scale"]}
+    shown = draw_gyro(stated, of.grid, of.kept, of.more, kinds, of.draws, of_start)
+    _set_attitude(of, shown, attitude)
     _put(columns, flow, shown.rates / units.ANGULAR_VELOCITY[flow.unit])
     times, biases = of.grid[of.kept], shown.biases
 
@@ -142,16 +148,27 @@ def _put(columns: dict[str, FloatArray], sensor: Any, body: FloatArray) -> None:
     columns |= dict(zip(sensor.columns, (body @ axes).T, strict=True))
 
 
-def _set_attitude(of: Draw, shown: Shown) -> None:
-    configuration, draws = of.stated.configuration, of.draws
-    attitude = scipy.spatial.transform.Rotation.from_quat(draws.standard_normal(4)).as_matrix()
-    if draws.random() < 0.3 and of.stated.force is not None:
-        attitude = scipy.spatial.transform.Rotation.from_euler("z", draws.uniform(0.0, 6.3)).as_matrix()
-    if isinstance(configuration.start, GivenStart):
-        start = configuration.start.build()
-        vector = np.linalg.cholesky(start.shape[:3, :3]) @ unit_vector(draws) * draws.choice([0.5, 1.0]) * AT_BOUND
-        attitude = start.attitude @ elliptude.cayley(0.5 * vector)
-    time = of.first
+def _start(of: Draw) -> tuple[FloatArray, FloatArray | None]:
+    """The attitude at the log's first row, and what is left of an estimated bias there, if a start is of both."""
+    start, gyro, draws = of.stated.configuration.start, of.stated.gyro, of.draws
+    if not isinstance(start, GivenStart):
+        if draws.random() < 0.3 and of.stated.force is not None:
+            return scipy.spatial.transform.Rotation.from_euler("z", draws.uniform(0.0, 6.3)).as_matrix(), None
+        return scipy.spatial.transform.Rotation.from_quat(draws.standard_normal(4)).as_matrix(), None
+    built, size = start.build(gyro.known_bias), 6 if gyro.is_estimated else 3
+    root = np.linalg.cholesky(built.shape[:size, :size])
+    for _ in range(_TRIES):
+        direction = draws.standard_normal(size)
+        away = root @ direction / np.linalg.norm(direction) * draws.choice([0.5, 1.0]) * AT_BOUND
+        attitude = built.attitude @ elliptude.cayley(0.5 * away[:3])
+        left = built.vector + away[3:] - gyro.known_bias if gyro.is_estimated else None
+        if left is None or np.linalg.norm(left) <= AT_BOUND * gyro.bounds.bias:
+            return attitude, left
+    raise FileError("start: flow.bias_deg_per_s leaves next to nothing of its biases")
+
+
+def _set_attitude(of: Draw, shown: Shown, attitude: FloatArray) -> None:
+    draws, time = of.draws, of.first
     for sensor in of.stated.directions:
         phase = sensor.reference if isinstance(sensor, Magnetometer) else None
         if isinstance(phase, RestPhase) and phase.attitude_qw_qx_qy_qz is not None:

@@ -167,6 +167,7 @@ def draw_gyro(
     more_rest: float,
     kinds: dict[str, str],
     draws: np.random.Generator,
+    left: FloatArray | None = None,
 ) -> Shown:
     """A motion and a gyro's samples of it.
 
@@ -182,6 +183,8 @@ def draw_gyro(
     kinds : dict
         Of the motion (``turns``), noise, bias and scale error.
     draws : numpy.random.Generator
+    left : (3,) array, optional
+        What is left of an estimated bias at the log's first row, rad/s, if a start says what it may be.
 
     Returns
     -------
@@ -205,6 +208,8 @@ def draw_gyro(
     # A corrected sample has the scale error.
     shows = np.linalg.solve(gyro.correction, np.eye(3) + matrix_within(bounds.scale_error, kinds["scale"], draws))
     biases, drifts = _biases(gyro, kinds["bias"], times, attitudes, base, first, draws)
+    if left is not None:
+        biases = np.tile(left, (len(times), 1))
     at_samples, in_steps = _noise(gyro, kinds["noise"], times, attitudes, base, biases + drifts, resting, draws)
     undo = np.asarray(np.linalg.inv(shows), dtype=np.float64)
     if np.isfinite(bounds.noise_turn):

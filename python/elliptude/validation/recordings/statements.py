@@ -343,8 +343,6 @@ def _require_drawable(configuration: Configuration) -> None:
             open_still.append("directions.reference: a rest of a rigid body, which torques turn, is not drawn")
         if flow.potential.lacks_time(1) and configuration.timing.origin == "first":
             open_still.append("timing.origin: flow.potential.stated_at_s has to say which time it is stated for")
-    elif configuration.start is not None and flow.estimate_bias:
-        open_still.append("start: is not drawn beside flow.estimate_bias")
     if open_still:
         raise FileError("; ".join(open_still))
 

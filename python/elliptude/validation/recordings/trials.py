@@ -18,6 +18,7 @@ from elliptude.io.files import FileError
 from elliptude.logs import log as logs
 from elliptude.logs.plausibility import ImplausibleError, plausible_pieces
 from elliptude.smoothing.smoother import smoothed_answers, smoothed_run
+from elliptude.typing import FloatArray
 from elliptude.validation.recordings.drawing import Recording, draw_recording
 from elliptude.validation.recordings.judging import Verdict, judge
 from elliptude.validation.recordings.statements import Stated
@@ -105,10 +106,17 @@ def write_recording(recording: Recording, file: Path) -> None:
     """Write a recording's log as CSV; columns of clocks with fewer rows end earlier."""
     rows = max(len(values) for values in recording.columns.values())
     names = list(recording.columns)
-    cells = [[repr(float(x)) if np.isfinite(x) else "" for x in recording.columns[name]] for name in names]
+    cells = [_cells(recording.columns[name]) for name in names]
     padded = [column + [""] * (rows - len(column)) for column in cells]
     lines = [",".join(names), *(",".join(row) for row in zip(*padded, strict=True))]
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _cells(values: FloatArray) -> list[str]:
+    """Numbers of a column; whole ones, as ticks of a clock, without a point."""
+    if np.array_equal(values, np.round(values)):
+        return [str(int(x)) for x in values]
+    return [repr(float(x)) if np.isfinite(x) else "" for x in values]
 
 
 # --- what came of it --------------------------------------------------------------------------------------------------
