@@ -205,7 +205,8 @@ class Rule(Model):
     def require_earth_rate(self, anchor_s: float | None = None) -> None:
         """Refuse bounds that the Earth's turn alone breaks; `anchor_s` is how long predictions are, 0 if left out."""
         windows = [*self.motion.windows_s, *([] if self.magnetometer is None else [self.magnetometer.window_s])]
-        require_earth_rate(self.gyro.earth_rate, self.gyro.bounds(), max(*windows, anchor_s or 0.0), place="gyro")
+        longest = max(*windows, anchor_s or 0.0)
+        require_earth_rate(self.gyro.earth_rate, self.gyro.bounds(), longest, place="gyro", since_rest=True)
 
     def motion_in_rest(self) -> MotionBounds:
         """Bounds of the motion in the rest at the start, in SI units."""
