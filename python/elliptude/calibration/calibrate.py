@@ -305,6 +305,7 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
         # What the rule's gyro turns by its noise says nothing of another one.
         stated_instead = known.model_dump() | {"noise_turn_deg": None, "noise_turn_growth_deg_per_s": None}
         rule = rule.model_copy(update={"gyro": rule.gyro.model_copy(update=stated_instead)})
+        rule.require_earth_rate()
     gyro = replace(rule.gyro.bounds(), longest_interval=gaps.longest_interval(log, configuration))
     log = gaps.without_rates_in_gaps(log, gyro.longest_interval)
     assert log.rates is not None

@@ -40,8 +40,10 @@ EarthRate: TypeAlias = Literal["removed"]
 """That the Earth's turn was taken off the rates."""
 
 
-def require_earth_rate(earth_rate: EarthRate | None, gyro: GyroBounds, longest_window: float, *, place: str) -> None:
-    """Refuse bounds of a gyro that the Earth's turn alone breaks: it is in bias and noise, as far as each allows.
+def require_earth_rate(
+    earth_rate: EarthRate | None, gyro: GyroBounds, longest_window: float, *, place: str, since_rest: bool
+) -> None:
+    """Refuse bounds of a gyro that the Earth's turn alone breaks, (18.59): bias and noise have to leave room for it.
 
     Parameters
     ----------
@@ -51,20 +53,26 @@ def require_earth_rate(earth_rate: EarthRate | None, gyro: GyroBounds, longest_w
         Over which what is said of turns by the noise holds, s; for bounds without such, any.
     place : str
         The table, for the message.
+    since_rest : bool
+        Whether what the gyro showed in a rest was taken off, and the Earth's turn as it was there with it.
 
     Raises
     ------
     ValueError
     """
     room = math.degrees(gyro.bias + gyro.lasting_noise(longest_window))
+    # Turned over, a body sees the Earth turn the other way.
+    needed = (2.0 if since_rest else 1.0) * (1.0 + gyro.scale_error) * EARTH_RATE_DEG_PER_S
     # What is stated as this very number has room, whatever its conversion is rounded to.
-    if earth_rate is None and room < (1.0 - 1e-12) * EARTH_RATE_DEG_PER_S:
+    if earth_rate is None and room < (1.0 - 1e-12) * needed:
         adds_up = np.isfinite(min(gyro.increment, gyro.noise_turn))
         over = f" over windows of {longest_window:g} s" if adds_up else ""
+        rest = ", and turned over since its rest by as much again" if since_rest else ""
+        scale = f"; with the scale error {needed:.4g}" if gyro.scale_error > 0.0 else ""
         raise ValueError(
-            f"{place}: in axes of the Earth a gyro shows that these turn, by {EARTH_RATE_DEG_PER_S} deg/s, for which "
-            f"its bounds leave no room ({room:.4g}{over}): add it to bias_deg_per_s, or to the noise where the bias is "
-            "estimated, or state earth_rate = 'removed' if it was taken off"
+            f"{place}: in axes of the Earth a gyro shows that these turn, by {EARTH_RATE_DEG_PER_S} deg/s{rest}{scale}"
+            f", for which its bounds leave no room ({room:.4g}{over}): add it to bias_deg_per_s, or to the noise where "
+            "the bias is estimated, or state earth_rate = 'removed' if it was taken off"
         )
 
 
@@ -206,7 +214,7 @@ class GyroFlow(Timed):
         gyro, longest = self.bounds(), max(longest_window, self.anchor_s or 0.0)
         # A bias that is estimated is one of the body's axes, in which the Earth's turn changes with the attitude.
         gyro = replace(gyro, bias=0.0) if self.estimate_bias else gyro
-        require_earth_rate(self.earth_rate, gyro, longest, place="flow")
+        require_earth_rate(self.earth_rate, gyro, longest, place="flow", since_rest=False)
 
     def off_the_line(self, interval: float, drift: float = 0.0) -> float:
         """How far a rate between samples may be off because of the motion between them, rad/s; section 18.3.

@@ -175,6 +175,7 @@ class PieceEstimator:
     def _filtered(self, pieces: Iterable[Log]) -> Iterator[tuple[Log, FilterLog, bool]]:
         """Rows, the filter's log of them, and whether the first is the start."""
         for piece in pieces:
+            _require_truth_of_rows(piece, self._configuration)
             begin = time.perf_counter()
             self.bridged.add(piece)
             filtered = self._take(piece)
@@ -216,6 +217,17 @@ class PieceEstimator:
             at = log.times[np.argmax(endless)]
             raise ValueError(f"the set has grown beyond all numbers by {at:.6f} s: too long without a measurement")
         return log, filtered, starts_here
+
+
+def _require_truth_of_rows(log: Log, configuration: Configuration) -> None:
+    """Refuse a truth of other times than its rows: in these modes nothing bounds how far the body turns in between."""
+    if (sampled := log.true_sampled) is not None:
+        moved = float(np.abs(sampled - log.times).max())
+        raise ValueError(
+            f"truth: timing.same_within_s moves its stamps by up to {moved:.3g} s, and nothing bounds how far the body "
+            f"turns meanwhile in estimator.mode = {configuration.estimator.mode!r}: state less, so that each stamp has "
+            "a row, or take the guaranteed mode, which counts that turn"
+        )
 
 
 def _filter(log: Log, configuration: Configuration) -> elliptude.AttitudeFilter:

@@ -3,7 +3,7 @@
 import copy
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Any
 
@@ -123,6 +123,29 @@ class FixedLagSmoother:
     def __getstate__(self) -> dict[str, Any]:
         """What copies and pickle keep: what changes is the copy's own."""
         return vars(self) | {"_filter": copy.copy(self._filter), "_moments": self._moments.copy()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """What pickle stored, also before the smoother knew how it had left its filter."""
+        missing = {"_filter", "_moments", "_has_contradicted"} - state.keys()
+        for moment in state.get("_moments", ()):
+            missing |= {field.name for field in fields(_Moment)} - vars(moment).keys()
+        if missing:
+            raise ValueError(f"a smoother that another version of elliptude stored: it has no {min(missing)!r}")
+        vars(self).update(state)
+        if "_left" not in state:
+            # What has gone on beside the smoother shows in the moment, or has changed neither set nor claim.
+            self._left = self._filter._knowledge() if self._is_as_moment(self._moments[-1]) else {}
+
+    def _is_as_moment(self, moment: _Moment) -> bool:
+        """Whether the filter knows what it knew at a moment."""
+        now = self._filter
+        known = _Known(now.ellipsoid, CLAIMS.index(now.claim))
+        is_then = (now.time, known.claim, now._contradictions) == (
+            moment.time,
+            moment.known.claim,
+            moment.contradictions,
+        )
+        return is_then and known.ellipsoid == moment.known.ellipsoid
 
     @property
     def filter(self) -> elliptude.GuaranteedFilter:

@@ -10,7 +10,7 @@ from test_proposals import made
 from two_commands import HEADER, app, columns_of, succeed
 from typer.testing import CliRunner
 
-RULE = rules.__file__.replace("configuration/rules.py", "data/bounds/hand_held.toml")
+RULE = rules.__file__.replace("configuration/rules/__init__.py", "data/bounds/hand_held.toml")
 
 
 def refuse(*arguments):

@@ -144,6 +144,29 @@ def test_a_rate_of_a_body_is_of_its_own_time(tmp_path):
     assert np.isfinite(estimation.estimate(read_log(tmp_path / "log.npz", stated), stated).result.largest_angles).all()
 
 
+@pytest.mark.parametrize("mode", ["first_order", "paper"])
+def test_a_truth_beside_its_rows_is_refused_where_nothing_bounds_the_turn(tmp_path, mode):
+    """A body that turns by 86 degrees a second is 0.3 degrees away in 4 ms, which is no error of the estimate."""
+    then = attitudes_at(TIMES + LATE)
+    shown = {name: attitudes_at(TIMES).inv().apply(one) for name, one in zip("ab", np.eye(3)[1:], strict=True)}
+    arrays = {"t": TIMES, "own": TIMES + LATE, "gyr": np.tile([RATE, 0.0, 0.0], (COUNT, 1)), **shown}
+    np.savez(tmp_path / "log.npz", q=then.as_quat(scalar_first=True), **arrays)
+    stars = [
+        star(name, one.tolist(), bound_deg=0.5, time_column="t") for name, one in zip("ab", np.eye(3)[1:], strict=True)
+    ]
+    truth = {"attitude_columns": [f"q[{i}]" for i in range(4)], "time_column": "own", "time_unit": "s"}
+    start = {"kind": "first_measurement", "bias_bound_deg_per_s": 0.1}
+    tables = {"truth": truth, "start": start, "estimator": {"mode": mode}}
+    stated = configuration(*stars, **tables)
+    with pytest.raises(ValueError, match=r"truth: timing.same_within_s moves its stamps by up to 0\.00.*guaranteed"):
+        estimation.estimate(read_log(tmp_path / "log.npz", stated), stated)
+    # With a row for each stamp of the truth the estimates are compared where they are.
+    stated = configuration(*stars, timing={}, **tables)
+    result = estimation.estimate(read_log(tmp_path / "log.npz", stated), stated).result
+    assert np.isfinite(result.forms).sum() > 500
+    assert np.nanmax(np.linalg.norm(result.errors[:, :3], axis=1)) < np.deg2rad(0.1)
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npz"])
 def test_converted_logs_keep_own_stamps(tmp_path, suffix):
     """A table of measurements says when each sensor measured, so that an estimate from it is the same."""

@@ -1,6 +1,7 @@
 """Fixed lag: the truth is inside, no set is wider than the filter's, and none much wider than a whole window's."""
 
 import dataclasses
+import pickle
 
 import elliptude as el
 import numpy as np
@@ -353,3 +354,40 @@ def test_a_filter_is_as_it_was_left_after_an_update_that_raises():
     with pytest.raises(el.InconsistentMeasurement):
         smoother.update(attitude=so3.exp(np.array([1.0, 0.0, 0.0])), attitude_bound=1e-4)
     assert smoother.smoothed(0).ellipsoid == known
+
+
+def stored_without(monkeypatch, smoother, *names):
+    """The smoother as pickle brings it back if it was stored before it had some of its fields."""
+    kept = {name: value for name, value in smoother.__getstate__().items() if name not in names}
+    with monkeypatch.context() as patch:
+        patch.setattr(FixedLagSmoother, "__getstate__", lambda _: kept)
+        return pickle.loads(pickle.dumps(smoother))
+
+
+def test_a_smoother_that_was_stored_before_it_looked_at_its_filter_goes_on(monkeypatch):
+    smoother, _ = square("drop_measurement")
+    old = stored_without(monkeypatch, smoother, "_left")
+    for one in (smoother, old):
+        one.predict(9.0, gyro=[0.0, 0.0, 0.1])
+    assert old.smoothed(1).ellipsoid == smoother.smoothed(1).ellipsoid
+    assert pickle.loads(pickle.dumps(old)).smoothed(1).ellipsoid == old.smoothed(1).ellipsoid
+
+
+def test_one_whose_filter_others_had_used_is_refused(monkeypatch):
+    """Its moments lead to another set: the smoother had not noticed when it was stored."""
+    smoother, _ = square("drop_measurement")
+    smoother.filter.update(attitude=np.eye(3), attitude_bound=1e-3)
+    old = stored_without(monkeypatch, smoother, "_left")
+    with pytest.raises(ValueError, match="filter is not as its smoother left it"):
+        old.smoothed(1)
+    old.forget()
+    assert old.moments == 1
+
+
+def test_one_that_lacks_more_is_refused(monkeypatch):
+    smoother, _ = square("drop_measurement")
+    with pytest.raises(ValueError, match="another version of elliptude stored: it has no '_has_contradicted'"):
+        stored_without(monkeypatch, smoother, "_left", "_has_contradicted")
+    del vars(smoother._moments[0])["contradictions"]
+    with pytest.raises(ValueError, match="another version of elliptude stored: it has no 'contradictions'"):
+        stored_without(monkeypatch, smoother, "_left")

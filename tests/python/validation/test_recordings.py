@@ -21,6 +21,7 @@ from elliptude.bounds.windows import MotionBounds
 from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
+from elliptude.configuration.rules import apply
 from elliptude.configuration.sensors import Direction, DirectionBase
 from elliptude.estimation import direction_rows, guaranteed_run
 from elliptude.io.toml import validate
@@ -168,7 +169,7 @@ WEAKENED = {
         ),
     ),
     "a rule's bias that drifts": (
-        lambda m: m.setattr(rules, "after_rest", lambda gyro, times: gyro),
+        lambda m: m.setattr(apply, "after_rest", lambda gyro, times: gyro),
         lambda: ruled(gyro={"bias_deg_per_s": 0.0, "drift_deg_per_s2": 0.05}, rest={"least_s": 6.0}),
     ),
     "the speed in a window": (
@@ -252,7 +253,7 @@ WEAKENED = {
         ),
     ),
     "a rule's reference field": (
-        lambda m: m.setattr(rules, "_field_at_rest", _exact(rules._field_at_rest)),
+        lambda m: m.setattr(apply, "field_at_rest", _exact(apply.field_at_rest)),
         lambda: ruled(magnetometer={"error_ut": 2.0, "averaged_error_ut": 2.0}),
     ),
 }
