@@ -394,6 +394,17 @@ def _gibbs(turn: Rotation) -> FloatArray:
         return np.asarray(2.0 * quaternions[:, 1:] / quaternions[:, :1])
 
 
+def _result_columns(table: Path) -> tuple[str, ...]:
+    """The names of a table's columns, if it is one of results."""
+    names = column_names(table, "results")
+    if "time_s" not in names:
+        raise FileError(
+            f"{table}: no column 'time_s', so no table of results, as `elliptude estimate` writes it; a log is for "
+            "estimate, or for monitor with --config"
+        )
+    return names
+
+
 def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
     """Read what `elliptude estimate` wrote.
 
@@ -415,12 +426,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         If ``measured.csv`` is, or is of other results, the run says so.
     """
     table = _table_of(Path(result))
-    names = column_names(table, "results")
-    if "time_s" not in names:
-        raise FileError(
-            f"{table}: no column 'time_s', so no table of results, as `elliptude estimate` writes it; a log is for "
-            "estimate, or for monitor with --config"
-        )
+    names = _result_columns(table)
     texts = [name for name in ("claim", "dropped", "chart", "up_claim") if name in names]
     with_errors = ATTITUDE_ERRORS[0] in names
     further = [name for name in _SINGLE_COLUMNS.values() if name in names]
