@@ -326,6 +326,32 @@ TEST_CASE("a rate alone is known within the bound of the vector") {
   }
 }
 
+TEST_CASE("a rate that is left out where the past is due contradicts") {
+  // The last rate and the bound are apart by less than rounding, or by more, and what is known lies where they are near.
+  int left_out = 0;
+  int kept = 0;
+  for (const Policy policy : {Policy::drop_measurement, Policy::restart}) {
+    for (int k = -60; k < -4; ++k) {
+      BodyFilter filter = with_policy(policy, 2);
+      REQUIRE(filter.bound_vector({Vector3d::Zero(), Matrix3d::Identity()}) == Status::ok);
+      const AngularVelocity<double> narrow{Vector3d::UnitX(), 1e-8 * Matrix3d::Identity()};
+      const AngularVelocity<double> wrong{-Vector3d::UnitX() / 2, 1e-8 * Matrix3d::Identity()};
+      const AngularVelocity<double> last{(2 + std::ldexp(1, k)) * Vector3d::UnitX(), Matrix3d::Identity()};
+      Report update;
+      for (const auto* rate : {&narrow, &wrong, &narrow}) {
+        REQUIRE(filter.update({nullptr, 0, rate, nullptr}, update) == Status::ok);
+      }
+      REQUIRE(filter.update({nullptr, 0, &last, nullptr}, update) == Status::ok);
+      CAPTURE(k);
+      CHECK((update.dropped != 0) == (update.margin < 0));
+      left_out += update.dropped != 0 ? 1 : 0;
+      kept += update.dropped == 0 && filter.trust().rests_on_drops() ? 1 : 0;
+    }
+  }
+  CHECK(left_out > 0);
+  CHECK(kept > 0);  // of which the past was not given up
+}
+
 TEST_CASE("a bias known without an attitude that contradicts its bound is given up") {
   for (const Policy policy : {Policy::drop_measurement, Policy::restart}) {
     GyroFilter::Settings settings;

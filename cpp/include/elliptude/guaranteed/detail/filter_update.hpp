@@ -32,6 +32,8 @@ class FilterUpdate {
   using Set = typename Memory::Set;
   using Solution = detail::Solution<State>;
   using Past = typename SetSolver<State>::Past;
+  /// A measurement of the vector, its bound, and what is known of it.
+  using VectorSets = std::array<Ellipsoid<Scalar, 3>, 3>;
 
   explicit FilterUpdate(Memory& filter) noexcept : filter_(filter) {}
 
@@ -252,10 +254,15 @@ class FilterUpdate {
     }
     const bool is_due = trust.past_is_due(filter_.settings.regain_after);
     if (is_due || (status != Status::ok && filter_.settings.policy == Policy::restart)) {
+      Ellipsoid<Scalar, 3> alone;
       Scalar margin(1);
-      status = common_vector(sets, present, next, margin);
-      if (is_due && status == Status::ok) {
-        trust.give_up_past(filter_.settings.regain_after);
+      // Where there is none, as rounding may have it of sets that hardly meet, the past is kept with what came of it.
+      if (common_vector(sets, present, alone, margin) == Status::ok) {
+        next = alone;
+        status = Status::ok;
+        if (is_due) {
+          trust.give_up_past(filter_.settings.regain_after);
+        }
       }
     }
     if (status == Status::ok) {
@@ -266,9 +273,6 @@ class FilterUpdate {
     }
     return Status::ok;
   }
-
-  /// A measurement of the vector, its bound, and what is known of it.
-  using VectorSets = std::array<Ellipsoid<Scalar, 3>, 3>;
 
   /// A set that holds what the first of these sets have in common, seen from the least of them: from far away a sharp
   /// set is lost in rounding.
