@@ -76,7 +76,7 @@ struct SharedSum {
         return status;
       }
       const Scalar square = weight.cwiseProduct(terms[i].shape).sum();
-      if (!(square > Scalar(0)) && terms[i].shape.cwiseAbs().maxCoeff() > Scalar(0)) {
+      if (!(square > Scalar(0)) && scalar::largest_size(terms[i].shape) > Scalar(0)) {
         // A term must not be lost to rounding.
         return Status::not_positive_definite;
       }
