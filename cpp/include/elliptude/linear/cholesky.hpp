@@ -102,6 +102,23 @@ template <typename Scalar, int N>
   return status;
 }
 
+/// Whether a symmetric matrix has a factor.
+template <typename Scalar, int N>
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool is_positive_definite(const Matrix<Scalar, N>& a) noexcept {
+  Matrix<Scalar, N> l;
+  return put_cholesky(a, l) == Status::ok;
+}
+
+/// Whether a finite matrix is symmetric and positive definite.
+/// \return `not_symmetric`, `not_positive_definite`.
+template <typename Scalar, int N>
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status validate_definite(const Matrix<Scalar, N>& a) noexcept {
+  if (!is_symmetric(a)) {
+    return Status::not_symmetric;
+  }
+  return is_positive_definite(a) ? Status::ok : Status::not_positive_definite;
+}
+
 namespace detail {
 
 /// Whether each pivot of a factor is more than rounding, a share of the matrix's own diagonal.
@@ -129,7 +146,7 @@ template <typename Scalar, int N>
 [[nodiscard]] Status cholesky_semidefinite(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
   const Scalar rounding = rounding::share<Scalar>(rounding::cholesky(N));
   Matrix<Scalar, N> factor;
-  Status status = cholesky(a, factor);
+  Status status = put_cholesky(a, factor);
   if (status == Status::ok && detail::has_accurate_pivots(a, factor, rounding)) {
     l = factor;
     return Status::ok;
@@ -151,14 +168,14 @@ template <typename Scalar, int N>
       }
     }
   }
-  status = cholesky(raised, factor);
+  status = put_cholesky(raised, factor);
   if (status != Status::ok || !detail::has_accurate_pivots(raised, factor, rounding)) {
     raised.diagonal() *= Scalar(1) + rounding;
-    status = cholesky(raised, factor);
+    status = put_cholesky(raised, factor);
   }
   if (status != Status::ok) {
     raised.diagonal().array() += rounding * a.diagonal().maxCoeff();
-    status = cholesky(raised, factor);
+    status = put_cholesky(raised, factor);
   }
   if (status != Status::ok) {
     return status;

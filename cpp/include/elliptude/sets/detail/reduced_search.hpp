@@ -215,7 +215,7 @@ class ReducedSize {
     const auto of_level = Jet<Scalar>::of(N + 1, level_, q);
     slope = Scalar(0);
     curvature = Scalar(0);
-    if (by_volume_) {
+    if (by_volume()) {
       of_level.add_logarithm(Scalar(N), slope, curvature);
       of_determinant.add_logarithm(Scalar(-N - 1), slope, curvature);
     } else {
@@ -228,6 +228,8 @@ class ReducedSize {
   }
 
  private:
+  [[nodiscard]] bool by_volume() const noexcept { return only_volume || by_volume_; }
+
   using Coefficients = Polynomial<Scalar, N + 2>;
   using Minors = std::array<Coefficients, N + 1>;
 
@@ -250,7 +252,7 @@ class ReducedSize {
       }
     }
     determinant_ = leading[N];
-    if (!by_volume_) {
+    if (!by_volume()) {
       weigh_minors(t);
       trace_.fill(Scalar(0));
       if constexpr (is_written_out<N>) {
