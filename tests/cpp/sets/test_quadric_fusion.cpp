@@ -499,7 +499,7 @@ TEST_CASE("the gradient and the Hessian are those of F") {
     const Scene scene = make_scene(random, 1.0, 1.0, trial);
     Problem problem;
     problem.with_ball = true;
-    problem.by_volume = trial % 2 == 0;
+    problem.volume = trial % 2 == 0;
     problem.weight = random.positive_definite<6>(10.0);
     problem.count = 5;
     problem.constraints[0].constrain_all(
@@ -531,7 +531,7 @@ TEST_CASE("the gradient and the Hessian are those of F") {
       const double least = problem.least_curvature(j, at, v, gradient);
       if (j == 0) {
         CHECK(least == doctest::Approx(curvature));
-      } else if (problem.by_volume) {
+      } else if (problem.volume) {
         CHECK(least <= curvature + 1e-9);
       }
       const auto moved = [&](double by, Problem::Iterate& it, Problem::Multipliers& slope) {

@@ -320,7 +320,7 @@ namespace detail {
 /// The profile divided by its largest entry: squares of small ones would be lost.
 template <typename Scalar>
 [[nodiscard]] Matrix3<Scalar> of_size_one(const Matrix3<Scalar>& profile) noexcept {
-  const Scalar size = profile.cwiseAbs().maxCoeff();
+  const Scalar size = scalar::largest_size(profile);
   return size > Scalar(0) ? Matrix3<Scalar>(profile / size) : profile;
 }
 

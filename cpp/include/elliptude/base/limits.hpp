@@ -31,6 +31,12 @@
 #define ELLIPTUDE_MOST_WRONG 2
 #endif
 
+/// Whether sets are made small by their volume alone, 0 or 1. With 1 the search for the least trace is not compiled:
+/// 3 kB of code on a Cortex-M7.
+#ifndef ELLIPTUDE_ONLY_VOLUME
+#define ELLIPTUDE_ONLY_VOLUME 0
+#endif
+
 /// Steps of one prediction, unless a flow is told otherwise.
 #ifndef ELLIPTUDE_MOST_STEPS
 #define ELLIPTUDE_MOST_STEPS 1000000
@@ -42,6 +48,7 @@ inline constexpr std::size_t most_directions = ELLIPTUDE_MOST_DIRECTIONS;
 inline constexpr std::size_t most_quadrics = ELLIPTUDE_MOST_QUADRICS;
 inline constexpr std::size_t most_questioned = ELLIPTUDE_MOST_QUESTIONED;
 inline constexpr int most_that_are_wrong = ELLIPTUDE_MOST_WRONG;
+inline constexpr bool only_volume = ELLIPTUDE_ONLY_VOLUME != 0;
 /// More steps than these are more likely a wrong time than intended.
 inline constexpr long default_most_steps = ELLIPTUDE_MOST_STEPS;
 

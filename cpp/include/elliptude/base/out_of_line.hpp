@@ -13,3 +13,13 @@
 #else
 #define ELLIPTUDE_OUT_OF_LINE
 #endif
+
+/// A function that is inlined wherever it is called: one that is given constants where more is written out, and
+/// variables where there are loops.
+#if defined(__GNUC__)
+#define ELLIPTUDE_INLINE __attribute__((always_inline)) inline
+#elif defined(_MSC_VER)
+#define ELLIPTUDE_INLINE __forceinline
+#else
+#define ELLIPTUDE_INLINE inline
+#endif

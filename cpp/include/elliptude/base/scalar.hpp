@@ -191,6 +191,24 @@ template <typename Derived>
   return isfinite(Scalar((entries - entries).sum()));
 }
 
+/// The largest |entry|; of a matrix with NaN any.
+template <typename Derived>
+[[nodiscard]] typename Derived::Scalar largest_size(const Eigen::MatrixBase<Derived>& matrix) noexcept {
+  using Scalar = typename Derived::Scalar;
+  if constexpr (elliptude::detail::is_written_out<Derived::SizeAtCompileTime>) {
+    return matrix.cwiseAbs().maxCoeff();
+  } else {  // Eigen writes a short one out, as a sum
+    Scalar largest(0);
+    for (Eigen::Index j = 0; j < matrix.cols(); ++j) {
+      for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+        const Scalar size = abs(Scalar(matrix(i, j)));
+        largest = largest < size ? size : largest;
+      }
+    }
+    return largest;
+  }
+}
+
 /// Whether the square of a vector's length has neither overflowed nor lost digits to underflow, lane by lane.
 template <typename Scalar>
 [[nodiscard]] auto has_precise_square(const Scalar& square) noexcept {

@@ -368,7 +368,7 @@ template <typename Scalar>
   }
   Matrix3<Scalar> x = matrix;
   if (!scalar::is_precise_square(Scalar(matrix.squaredNorm()))) {
-    const Scalar largest = matrix.cwiseAbs().maxCoeff();
+    const Scalar largest = scalar::largest_size(matrix);
     if (!(largest > Scalar(0))) {
       return Status::not_a_rotation;
     }

@@ -40,3 +40,16 @@ namespace elliptude::detail {
 #define EIGEN_UNROLLING_LIMIT (::elliptude::detail::unrolling_limit(__FILE__))
 
 #endif
+
+namespace elliptude::detail {
+
+/// Whether the core's own loops over a matrix of so many numbers are written out, as Eigen's are.
+template <int Numbers>
+inline constexpr bool is_written_out =
+#ifdef ELLIPTUDE_MOST_UNROLLED
+    Numbers <= (ELLIPTUDE_MOST_UNROLLED);
+#else
+    true;
+#endif
+
+}  // namespace elliptude::detail

@@ -32,7 +32,7 @@ template <typename Scalar>
                                  const Matrix<Scalar, 6>& fused, const Scalar& share,
                                  Convergence<Scalar>& result) noexcept {
   Matrix<Scalar, 6> l;
-  if (const Status status = cholesky(measured, l); status != Status::ok) {
+  if (const Status status = put_cholesky(measured, l); status != Status::ok) {
     return status;
   }
   // (P^m)⁻¹P^f has the eigenvalues of L⁻¹ P^f L⁻ᵀ.

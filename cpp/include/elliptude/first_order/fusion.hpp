@@ -69,9 +69,8 @@ namespace detail {
 /// Whether a filter may keep a set: rounding may leave no set if the fused sets spread too far.
 template <typename State>
 [[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool is_kept(const StateEllipsoid<State>& set) noexcept {
-  Matrix6<StateScalar<State>> factor;
   return scalar::all_finite(set.shape) && is_in_domain(set.shape) &&
-         (cholesky(set.shape, factor) == Status::ok || validate(set) == Status::ok);
+         (is_positive_definite(set.shape) || validate(set) == Status::ok);
 }
 
 }  // namespace detail
@@ -173,7 +172,7 @@ class SizeByRows {
   SizeByRows(const Vector<Scalar, Rows>& y, const Matrix<Scalar, Rows, N>& b, const RelativeSize<Scalar, N>& size,
              const SymmetricEigen<Scalar, Rows>& eigen) noexcept
       : values_(eigen.values), along_(eigen.vectors.transpose().lazyProduct(y)), by_volume_(size.by_volume()) {
-    if (!by_volume_) {
+    if (!by_volume()) {
       const Matrix<Scalar, Rows, N> vectors = eigen.vectors.transpose().lazyProduct(b);  // times √dᵢ
       const Matrix<Scalar, Rows, N> half = vectors.lazyProduct(size.weight());
       weights_ = half.cwiseProduct(vectors).rowwise().sum().cwiseQuotient(eigen.values);
@@ -201,7 +200,7 @@ class SizeByRows {
       level2 += Scalar(2) * fall * inverse;
       determinant1 -= inverse;
       determinant2 += inverse * inverse;
-      if (!by_volume_) {
+      if (!by_volume()) {
         const Scalar part = weights_(i) * inverse;
         trace += part;
         trace1 -= part * inverse;
@@ -211,7 +210,7 @@ class SizeByRows {
     const Scalar relative = level1 / level;
     slope = relative;
     curvature = level2 / level - relative * relative;
-    if (by_volume_) {
+    if (by_volume()) {
       slope = Scalar(N) * slope + determinant1;
       curvature = Scalar(N) * curvature + determinant2;
     } else {
@@ -224,6 +223,8 @@ class SizeByRows {
   }
 
  private:
+  [[nodiscard]] bool by_volume() const noexcept { return only_volume || by_volume_; }
+
   Vector<Scalar, Rows> values_;
   Vector<Scalar, Rows> along_;
   Vector<Scalar, Rows> weights_ = Vector<Scalar, Rows>::Zero();

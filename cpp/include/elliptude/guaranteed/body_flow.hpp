@@ -299,16 +299,15 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
 
   /// Why no tube starts with a shape, which said `status`. Of one that is as it should be, h² has overflowed.
   [[nodiscard]] ELLIPTUDE_OUT_OF_LINE static Status refused(const Matrix6<Scalar>& shape, Status status) noexcept {
-    Matrix6<Scalar> factor;
-    return cholesky(shape, factor) == Status::ok ? Status::step_too_long : status;
+    return is_positive_definite(shape) ? Status::step_too_long : status;
   }
 
   /// The set at a tube's end. \return whether its shape is finite and positive definite.
   [[nodiscard]] ELLIPTUDE_OUT_OF_LINE static bool put_end(const ErrorTube<Scalar, Potential>& tube,
                                                           Course& course) noexcept {
-    Matrix6<Scalar> factor;
     course.end.shape = tube.shape();
-    if (!scalar::all_finite(course.end.shape) || cholesky(course.end.shape, factor) != Status::ok) {
+    Matrix6<Scalar> factor;
+    if (!scalar::all_finite(course.end.shape) || put_cholesky(course.end.shape, factor) != Status::ok) {
       return false;
     }
     course.size = factor.diagonal().prod();

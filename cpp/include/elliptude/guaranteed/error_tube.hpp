@@ -44,10 +44,10 @@ class ErrorTube {
     wide.diagonal().template head<3>().array() += share * attitude + by_rate * by_rate * rate;
     wide.diagonal().template tail<3>().array() += share * rate + by_torque * by_torque * attitude;
     Matrix6<Scalar> set;
-    if (const Status status = cholesky(raised, set); status != Status::ok) {
+    if (const Status status = put_cholesky(raised, set); status != Status::ok) {
       return status;
     }
-    if (const Status status = cholesky(wide, frame_); status != Status::ok) {
+    if (const Status status = put_cholesky(wide, frame_); status != Status::ok) {
       return status;
     }
     set_ = solve_lower(frame_, set);

@@ -268,9 +268,8 @@ class GuaranteedFilter {
     if (const Status status = validate(set); status != Status::ok) {
       return status;
     }
-    Matrix6<Scalar> factor;
-    if (const Status status = cholesky(set.shape, factor); status != Status::ok) {
-      return status;
+    if (!is_positive_definite(set.shape)) {
+      return Status::not_positive_definite;
     }
     if constexpr (std::is_same_v<Chart, GibbsChart>) {
       begin = set;

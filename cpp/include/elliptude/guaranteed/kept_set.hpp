@@ -41,8 +41,7 @@ template <typename Scalar>
 /// Whether a filter may keep an ellipsoid of the vector: in the domain, finite and positive definite.
 template <typename Scalar>
 [[nodiscard]] bool can_be_kept(const Ellipsoid<Scalar, 3>& vector) noexcept {
-  Matrix3<Scalar> factor;
-  return scalar::all_finite(vector.shape) && in_domain(vector) && cholesky(vector.shape, factor) == Status::ok;
+  return scalar::all_finite(vector.shape) && in_domain(vector) && is_positive_definite(vector.shape);
 }
 
 /// Whether a set is finite and within the domain; false of NaN.
@@ -58,8 +57,7 @@ template <typename State>
 /// Whether a filter may keep a set: the one test that all sets pass before they are taken up.
 template <typename State>
 [[nodiscard]] bool can_be_kept(const GibbsEllipsoid<State>& set) noexcept {
-  Matrix6<StateScalar<State>> factor;
-  return in_domain(set) && cholesky(set.shape, factor) == Status::ok;
+  return in_domain(set) && is_positive_definite(set.shape);
 }
 
 }  // namespace elliptude

@@ -5,6 +5,7 @@
 /// that would link `malloc`, a bounded number of operations, and any scalar type. Acceptance tests are written so that
 /// NaN fails them.
 
+#include "elliptude/base/out_of_line.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/base/status.hpp"
 
@@ -14,7 +15,7 @@ namespace elliptude {
 /// the digits. NaN off the diagonal is refused; NaN on the diagonal may pass.
 template <typename Scalar, int N>
 [[nodiscard]] bool is_symmetric(const Matrix<Scalar, N>& a) noexcept {
-  const Scalar tolerance = rounding::root<Scalar>() * a.cwiseAbs().maxCoeff();
+  const Scalar tolerance = rounding::root<Scalar>() * scalar::largest_size(a);
   for (int j = 0; j < N; ++j) {
     for (int i = j + 1; i < N; ++i) {
       if (!scalar::all(scalar::abs(Scalar(a(i, j) - a(j, i))) <= tolerance)) {
@@ -35,31 +36,46 @@ struct IsPivot {
   }
 };
 
-/// The columns of `cholesky` from `Column` on. A recursion, so that each loop has a constant length and is unrolled:
-/// half the instructions.
-/// \param accepts is given each pivot, and says whether to go on, as `IsPivot` does.
+/// Column j of `cholesky`.
+/// \param accepts is given the pivot, and says whether to go on, as `IsPivot` does.
+template <typename Scalar, int N, typename Accepts>
+[[nodiscard]] ELLIPTUDE_INLINE bool put_cholesky_column(const Matrix<Scalar, N>& a, int j, Matrix<Scalar, N>& factor,
+                                                        const Accepts& accepts) noexcept {
+  Scalar pivot = a(j, j);
+  for (int k = 0; k < j; ++k) {
+    pivot -= factor(j, k) * factor(j, k);
+  }
+  if (!accepts(pivot)) {
+    return false;
+  }
+  const Scalar diagonal = scalar::sqrt(pivot);
+  const Scalar inverse = Scalar(1) / diagonal;
+  for (int i = 0; i < j; ++i) {
+    factor(i, j) = Scalar(0);
+  }
+  factor(j, j) = diagonal;
+  for (int i = j + 1; i < N; ++i) {
+    Scalar entry = a(i, j);
+    for (int k = 0; k < j; ++k) {
+      entry -= factor(i, k) * factor(j, k);
+    }
+    factor(i, j) = entry * inverse;
+  }
+  return true;
+}
+
+/// The columns of `cholesky` from `Column` on. A recursion, where it is written out, so that each loop has a constant
+/// length and is unrolled: half the instructions.
 template <int Column, typename Scalar, int N, typename Accepts>
 [[nodiscard]] bool cholesky_columns(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& factor, Accepts accepts) noexcept {
-  if constexpr (Column < N) {
-    Scalar pivot = a(Column, Column);
-    for (int k = 0; k < Column; ++k) {
-      pivot -= factor(Column, k) * factor(Column, k);
+  if constexpr (!is_written_out<N*(N + 1) / 2>) {
+    bool accepted = true;
+    for (int j = Column; accepted && j < N; ++j) {
+      accepted = put_cholesky_column(a, j, factor, accepts);
     }
-    if (!accepts(pivot)) {
-      return false;
-    }
-    const Scalar diagonal = scalar::sqrt(pivot);
-    const Scalar inverse = Scalar(1) / diagonal;
-    factor.col(Column).template head<Column>().setZero();
-    factor(Column, Column) = diagonal;
-    for (int i = Column + 1; i < N; ++i) {
-      Scalar entry = a(i, Column);
-      for (int k = 0; k < Column; ++k) {
-        entry -= factor(i, k) * factor(Column, k);
-      }
-      factor(i, Column) = entry * inverse;
-    }
-    return cholesky_columns<Column + 1>(a, factor, accepts);
+    return accepted;
+  } else if constexpr (Column < N) {
+    return put_cholesky_column(a, Column, factor, accepts) && cholesky_columns<Column + 1>(a, factor, accepts);
   } else {
     return true;
   }
@@ -84,6 +100,23 @@ template <typename Scalar, int N>
     l = factor;
   }
   return status;
+}
+
+/// Whether a symmetric matrix has a factor.
+template <typename Scalar, int N>
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool is_positive_definite(const Matrix<Scalar, N>& a) noexcept {
+  Matrix<Scalar, N> l;
+  return put_cholesky(a, l) == Status::ok;
+}
+
+/// Whether a finite matrix is symmetric and positive definite.
+/// \return `not_symmetric`, `not_positive_definite`.
+template <typename Scalar, int N>
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status validate_definite(const Matrix<Scalar, N>& a) noexcept {
+  if (!is_symmetric(a)) {
+    return Status::not_symmetric;
+  }
+  return is_positive_definite(a) ? Status::ok : Status::not_positive_definite;
 }
 
 namespace detail {
@@ -113,7 +146,7 @@ template <typename Scalar, int N>
 [[nodiscard]] Status cholesky_semidefinite(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& l) noexcept {
   const Scalar rounding = rounding::share<Scalar>(rounding::cholesky(N));
   Matrix<Scalar, N> factor;
-  Status status = cholesky(a, factor);
+  Status status = put_cholesky(a, factor);
   if (status == Status::ok && detail::has_accurate_pivots(a, factor, rounding)) {
     l = factor;
     return Status::ok;
@@ -135,14 +168,14 @@ template <typename Scalar, int N>
       }
     }
   }
-  status = cholesky(raised, factor);
+  status = put_cholesky(raised, factor);
   if (status != Status::ok || !detail::has_accurate_pivots(raised, factor, rounding)) {
     raised.diagonal() *= Scalar(1) + rounding;
-    status = cholesky(raised, factor);
+    status = put_cholesky(raised, factor);
   }
   if (status != Status::ok) {
     raised.diagonal().array() += rounding * a.diagonal().maxCoeff();
-    status = cholesky(raised, factor);
+    status = put_cholesky(raised, factor);
   }
   if (status != Status::ok) {
     return status;
@@ -162,66 +195,111 @@ struct RootFreeFactor {
 
 namespace detail {
 
-/// The columns of `factorize` from `Column` on; `scaled` is l diag(1/p), `accepts` as for `cholesky_columns`.
+/// Column j of `factorize`; `scaled` is l diag(1/p), `accepts` as for `put_cholesky_column`.
+template <typename Scalar, int N, typename Accepts>
+[[nodiscard]] ELLIPTUDE_INLINE bool put_root_free_column(const Matrix<Scalar, N>& a, int j, Matrix<Scalar, N>& scaled,
+                                                         RootFreeFactor<Scalar, N>& factor,
+                                                         const Accepts& accepts) noexcept {
+  Scalar pivot = a(j, j);
+  for (int k = 0; k < j; ++k) {
+    pivot -= factor.l(j, k) * scaled(j, k);
+  }
+  if (!accepts(pivot)) {
+    return false;
+  }
+  factor.p(j) = Scalar(1) / pivot;
+  for (int i = j + 1; i < N; ++i) {
+    Scalar entry = a(i, j);
+    for (int k = 0; k < j; ++k) {
+      entry -= factor.l(i, k) * scaled(j, k);
+    }
+    scaled(i, j) = entry;
+    factor.l(i, j) = entry * factor.p(j);
+  }
+  return true;
+}
+
+/// The columns of `factorize` from `Column` on.
 template <int Column, typename Scalar, int N, typename Accepts>
 [[nodiscard]] bool root_free_columns(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& scaled,
                                      RootFreeFactor<Scalar, N>& factor, Accepts accepts) noexcept {
-  if constexpr (Column < N) {
-    Scalar pivot = a(Column, Column);
-    for (int k = 0; k < Column; ++k) {
-      pivot -= factor.l(Column, k) * scaled(Column, k);
+  if constexpr (!is_written_out<N*(N + 1) / 2>) {
+    bool accepted = true;
+    for (int j = Column; accepted && j < N; ++j) {
+      accepted = put_root_free_column(a, j, scaled, factor, accepts);
     }
-    if (!accepts(pivot)) {
-      return false;
-    }
-    factor.p(Column) = Scalar(1) / pivot;
-    for (int i = Column + 1; i < N; ++i) {
-      Scalar entry = a(i, Column);
-      for (int k = 0; k < Column; ++k) {
-        entry -= factor.l(i, k) * scaled(Column, k);
-      }
-      scaled(i, Column) = entry;
-      factor.l(i, Column) = entry * factor.p(Column);
-    }
-    return root_free_columns<Column + 1>(a, scaled, factor, accepts);
+    return accepted;
+  } else if constexpr (Column < N) {
+    return put_root_free_column(a, Column, scaled, factor, accepts) &&
+           root_free_columns<Column + 1>(a, scaled, factor, accepts);
   } else {
     return true;
   }
 }
 
-/// The columns of the inverse of a unit lower triangle from `Column` on.
+/// Column j of the inverse of a unit lower triangle.
+template <typename Scalar, int N>
+ELLIPTUDE_INLINE void put_unit_inverse_column(const Matrix<Scalar, N>& l, int j, Matrix<Scalar, N>& inverse) noexcept {
+  for (int i = 0; i < j; ++i) {
+    inverse(i, j) = Scalar(0);
+  }
+  inverse(j, j) = Scalar(1);
+  for (int i = j + 1; i < N; ++i) {
+    Scalar sum = l(i, j);
+    for (int k = j + 1; k < i; ++k) {
+      sum += l(i, k) * inverse(k, j);
+    }
+    inverse(i, j) = -sum;
+  }
+}
+
+/// The columns from `Column` on.
 template <int Column, typename Scalar, int N>
 void unit_inverse_columns(const Matrix<Scalar, N>& l, Matrix<Scalar, N>& inverse) noexcept {
-  if constexpr (Column < N) {
-    inverse.col(Column).template head<Column>().setZero();
-    inverse(Column, Column) = Scalar(1);
-    for (int i = Column + 1; i < N; ++i) {
-      Scalar sum = l(i, Column);
-      for (int k = Column + 1; k < i; ++k) {
-        sum += l(i, k) * inverse(k, Column);
-      }
-      inverse(i, Column) = -sum;
+  if constexpr (!is_written_out<N*(N + 1) / 2>) {
+    for (int j = Column; j < N; ++j) {
+      put_unit_inverse_column(l, j, inverse);
     }
+  } else if constexpr (Column < N) {
+    put_unit_inverse_column(l, Column, inverse);
     unit_inverse_columns<Column + 1>(l, inverse);
+  }
+}
+
+/// Row i of `solve`, down and up.
+template <typename Scalar, int N>
+ELLIPTUDE_INLINE void solve_unit_row_down(const Matrix<Scalar, N>& l, int i, Vector<Scalar, N>& x) noexcept {
+  for (int k = 0; k < i; ++k) {
+    x(i) -= l(i, k) * x(k);
+  }
+}
+template <typename Scalar, int N>
+ELLIPTUDE_INLINE void solve_unit_row_up(const Matrix<Scalar, N>& l, int i, Vector<Scalar, N>& x) noexcept {
+  for (int k = i + 1; k < N; ++k) {
+    x(i) -= l(k, i) * x(k);
   }
 }
 
 template <int Row, typename Scalar, int N>
 void solve_unit_down(const Matrix<Scalar, N>& l, Vector<Scalar, N>& x) noexcept {
-  if constexpr (Row < N) {
-    for (int k = 0; k < Row; ++k) {
-      x(Row) -= l(Row, k) * x(k);
+  if constexpr (!is_written_out<N*(N + 1) / 2>) {
+    for (int i = Row; i < N; ++i) {
+      solve_unit_row_down(l, i, x);
     }
+  } else if constexpr (Row < N) {
+    solve_unit_row_down(l, Row, x);
     solve_unit_down<Row + 1>(l, x);
   }
 }
 
 template <int Row, typename Scalar, int N>
 void solve_unit_up(const Matrix<Scalar, N>& l, Vector<Scalar, N>& x) noexcept {
-  if constexpr (Row >= 0) {
-    for (int k = Row + 1; k < N; ++k) {
-      x(Row) -= l(k, Row) * x(k);
+  if constexpr (!is_written_out<N*(N + 1) / 2>) {
+    for (int i = Row; i >= 0; --i) {
+      solve_unit_row_up(l, i, x);
     }
+  } else if constexpr (Row >= 0) {
+    solve_unit_row_up(l, Row, x);
     solve_unit_up<Row - 1>(l, x);
   }
 }

@@ -37,10 +37,9 @@ template <typename Scalar, int N>
       for (int q = p + 1; q < N; ++q) {
         const Scalar off = a(p, q);
         const Scalar diagonal = scalar::sqrt(scalar::abs(a(p, p))) * scalar::sqrt(scalar::abs(a(q, q)));
-        const Scalar largest = a.cwiseAbs().maxCoeff();
         if (scalar::abs(off) <= rounding::one_rounding<Scalar>() * diagonal ||
             scalar::abs(off) <= Scalar(std::numeric_limits<scalar::Value<Scalar>>::min()) ||
-            scalar::abs(off) <= rounding::square<Scalar>() * largest) {
+            scalar::abs(off) <= rounding::square<Scalar>() * scalar::largest_size(a)) {
           continue;
         }
         converged = false;
@@ -97,7 +96,7 @@ template <typename Scalar, int N>
   if (!(vectors < Scalar(1))) {
     return {Scalar(std::numeric_limits<scalar::Value<Scalar>>::infinity()), vectors};
   }
-  const Scalar largest = symmetric.cwiseAbs().maxCoeff();
+  const Scalar largest = scalar::largest_size(symmetric);
   if (!(largest > Scalar(0))) {
     return {largest, vectors};
   }

@@ -47,7 +47,7 @@ template <typename Scalar, int N>
 template <typename Scalar, int N>
 [[nodiscard]] Status inverse_positive_definite(const Matrix<Scalar, N>& a, Matrix<Scalar, N>& inverse) noexcept {
   Matrix<Scalar, N> l;
-  if (const Status status = cholesky(a, l); status != Status::ok) {
+  if (const Status status = put_cholesky(a, l); status != Status::ok) {
     return status;
   }
   inverse = square_of_lower(lower_inverse(l));
@@ -69,7 +69,7 @@ template <typename Scalar, int N>
   Scalar added = rounding::share<Scalar>(rounding::inverse_widening(N)) * a.trace();
   for (int attempt = 0; attempt < 4; ++attempt) {
     Matrix<Scalar, N> l;
-    if (const Status status = cholesky(raised, l); status != Status::ok) {
+    if (const Status status = put_cholesky(raised, l); status != Status::ok) {
       return status;
     }
     root = lower_inverse(l);

@@ -45,7 +45,7 @@ template <typename Scalar>
   if (!scalar::all_finite(a)) {
     return Status::not_finite;
   }
-  const Scalar size = a.cwiseAbs().maxCoeff();
+  const Scalar size = scalar::largest_size(a);
   if (!(size > Scalar(0))) {
     return Status::out_of_range;
   }

@@ -3,24 +3,71 @@
 /// \file
 /// Triangles of fixed size: their inverses, squares and solutions.
 
+#include "elliptude/base/out_of_line.hpp"
 #include "elliptude/base/scalar.hpp"
 
 namespace elliptude {
 
 namespace detail {
 
-/// The columns of `lower_inverse` from `Column` on, where the diagonal is done.
+// A triangle is gone through column by column, or row by row. Where that is written out, by a recursion, each loop has
+// a constant length.
+
+/// Column j of `lower_inverse`, where the diagonal is done.
+template <typename Scalar, int N>
+ELLIPTUDE_INLINE void put_inverse_column(const Matrix<Scalar, N>& l, int j, Matrix<Scalar, N>& inverse) noexcept {
+  for (int i = 0; i < j; ++i) {
+    inverse(i, j) = Scalar(0);
+  }
+  for (int i = j + 1; i < N; ++i) {
+    Scalar sum = l(i, j) * inverse(j, j);
+    for (int k = j + 1; k < i; ++k) {
+      sum += l(i, k) * inverse(k, j);
+    }
+    inverse(i, j) = -sum * inverse(i, i);
+  }
+}
+
+/// Column j of `square_of_lower`, and row j.
+template <typename Scalar, int N>
+ELLIPTUDE_INLINE void put_square_column(const Matrix<Scalar, N>& l, int j, Matrix<Scalar, N>& square) noexcept {
+  for (int i = j; i < N; ++i) {
+    Scalar sum = l(N - 1, i) * l(N - 1, j);
+    for (int k = i; k < N - 1; ++k) {
+      sum += l(k, i) * l(k, j);
+    }
+    square(i, j) = sum;
+    square(j, i) = sum;
+  }
+}
+
+/// Row i of `solve_lower`.
+template <typename Scalar, int N, int Columns>
+ELLIPTUDE_INLINE void solve_row_down(const Matrix<Scalar, N>& l, int i, Matrix<Scalar, N, Columns>& x) noexcept {
+  for (int k = 0; k < i; ++k) {
+    x.row(i) -= l(i, k) * x.row(k);
+  }
+  x.row(i) *= Scalar(1) / l(i, i);
+}
+
+/// Row i of `solve_lower_transposed`.
+template <typename Scalar, int N, int Columns>
+ELLIPTUDE_INLINE void solve_row_up(const Matrix<Scalar, N>& l, int i, Matrix<Scalar, N, Columns>& x) noexcept {
+  for (int k = i + 1; k < N; ++k) {
+    x.row(i) -= l(k, i) * x.row(k);
+  }
+  x.row(i) *= Scalar(1) / l(i, i);
+}
+
+/// The columns of `lower_inverse` from `Column` on.
 template <int Column, typename Scalar, int N>
 void inverse_columns(const Matrix<Scalar, N>& l, Matrix<Scalar, N>& inverse) noexcept {
-  if constexpr (Column < N) {
-    inverse.col(Column).template head<Column>().setZero();
-    for (int i = Column + 1; i < N; ++i) {
-      Scalar sum = l(i, Column) * inverse(Column, Column);
-      for (int k = Column + 1; k < i; ++k) {
-        sum += l(i, k) * inverse(k, Column);
-      }
-      inverse(i, Column) = -sum * inverse(i, i);
+  if constexpr (!is_written_out<N*(N + 1) / 2>) {
+    for (int j = Column; j < N; ++j) {
+      put_inverse_column(l, j, inverse);
     }
+  } else if constexpr (Column < N) {
+    put_inverse_column(l, Column, inverse);
     inverse_columns<Column + 1>(l, inverse);
   }
 }
@@ -28,15 +75,12 @@ void inverse_columns(const Matrix<Scalar, N>& l, Matrix<Scalar, N>& inverse) noe
 /// The columns of `square_of_lower` from `Column` on.
 template <int Column, typename Scalar, int N>
 void square_columns(const Matrix<Scalar, N>& l, Matrix<Scalar, N>& square) noexcept {
-  if constexpr (Column < N) {
-    for (int i = Column; i < N; ++i) {
-      Scalar sum = l(N - 1, i) * l(N - 1, Column);
-      for (int k = i; k < N - 1; ++k) {
-        sum += l(k, i) * l(k, Column);
-      }
-      square(i, Column) = sum;
-      square(Column, i) = sum;
+  if constexpr (!is_written_out<N*(N + 1) / 2>) {
+    for (int j = Column; j < N; ++j) {
+      put_square_column(l, j, square);
     }
+  } else if constexpr (Column < N) {
+    put_square_column(l, Column, square);
     square_columns<Column + 1>(l, square);
   }
 }
@@ -44,11 +88,12 @@ void square_columns(const Matrix<Scalar, N>& l, Matrix<Scalar, N>& square) noexc
 /// The rows of `solve_lower` from `Row` on.
 template <int Row, typename Scalar, int N, int Columns>
 void solve_rows_down(const Matrix<Scalar, N>& l, Matrix<Scalar, N, Columns>& x) noexcept {
-  if constexpr (Row < N) {
-    for (int k = 0; k < Row; ++k) {
-      x.row(Row) -= l(Row, k) * x.row(k);
+  if constexpr (!is_written_out<N*(N + 1) / 2>) {
+    for (int i = Row; i < N; ++i) {
+      solve_row_down(l, i, x);
     }
-    x.row(Row) *= Scalar(1) / l(Row, Row);
+  } else if constexpr (Row < N) {
+    solve_row_down(l, Row, x);
     solve_rows_down<Row + 1>(l, x);
   }
 }
@@ -56,11 +101,12 @@ void solve_rows_down(const Matrix<Scalar, N>& l, Matrix<Scalar, N, Columns>& x) 
 /// The rows of `solve_lower_transposed` from `Row` on, upwards.
 template <int Row, typename Scalar, int N, int Columns>
 void solve_rows_up(const Matrix<Scalar, N>& l, Matrix<Scalar, N, Columns>& x) noexcept {
-  if constexpr (Row >= 0) {
-    for (int k = Row + 1; k < N; ++k) {
-      x.row(Row) -= l(k, Row) * x.row(k);
+  if constexpr (!is_written_out<N*(N + 1) / 2>) {
+    for (int i = Row; i >= 0; --i) {
+      solve_row_up(l, i, x);
     }
-    x.row(Row) *= Scalar(1) / l(Row, Row);
+  } else if constexpr (Row >= 0) {
+    solve_row_up(l, Row, x);
     solve_rows_up<Row - 1>(l, x);
   }
 }

@@ -36,7 +36,7 @@ template <typename Scalar, int Rows>
     return status;
   }
   Matrix<Scalar, Rows> root;
-  if (const Status status = cholesky(measurement.bound, root); status != Status::ok) {
+  if (const Status status = put_cholesky(measurement.bound, root); status != Status::ok) {
     return status;
   }
   Scalar share;
@@ -217,16 +217,13 @@ template <typename Scalar>
   if (!is_rotation(measured.attitude, rotation_tolerance<Scalar>())) {
     return Status::not_a_rotation;
   }
-  if (!is_symmetric(measured.bound)) {
-    return Status::not_symmetric;
-  }
-  Matrix3<Scalar> m;
-  if (const Status status = cholesky(measured.bound, m); status != Status::ok) {
+  if (const Status status = validate_definite(measured.bound); status != Status::ok) {
     return status;
   }
   // Largest angle; a bound of less than rounding is used as if it were wider by that.
   Matrix3<Scalar> bound = measured.bound;
   bound.diagonal().array() += rounding::square<Scalar>();
+  Matrix3<Scalar> m;
   SymmetricEigen<Scalar, 3> eigen;
   const bool bounded = symmetric_eigen(bound, eigen) == Status::ok && inverse_from_below(bound, m) == Status::ok;
   const Scalar square = bounded ? Scalar(eigen.values(0) + eigen_errors(bound, eigen).values) : Scalar(16);

@@ -64,8 +64,7 @@ template <typename Scalar>
   if (!is_in_domain(direction.bound)) {
     return Status::beyond_domain;
   }
-  Matrix3<Scalar> factor;
-  return is_symmetric(direction.bound) ? cholesky(direction.bound, factor) : Status::not_symmetric;
+  return validate_definite(direction.bound);
 }
 
 /// \return `not_finite`, `beyond_domain`, `not_symmetric`; `not_positive_definite` of a bound with a zero width.
@@ -77,8 +76,7 @@ template <typename Scalar>
   if (!is_in_domain(angular_velocity.bound)) {
     return Status::beyond_domain;
   }
-  Matrix3<Scalar> factor;
-  return is_symmetric(angular_velocity.bound) ? cholesky(angular_velocity.bound, factor) : Status::not_symmetric;
+  return validate_definite(angular_velocity.bound);
 }
 
 }  // namespace elliptude

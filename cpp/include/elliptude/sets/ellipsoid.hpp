@@ -4,6 +4,7 @@
 /// Ellipsoids E(x̂, P) = {x : (x − x̂)ᵀ P⁻¹ (x − x̂) ≤ 1} in Rⁿ (paper, §2.3.2).
 /// P is the shape of a set, not a covariance. It may be singular: the ellipsoid is then flat.
 
+#include "elliptude/base/limits.hpp"
 #include "elliptude/base/out_of_line.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/base/status.hpp"
@@ -33,6 +34,9 @@ struct SizeCriterion {
   }
   [[nodiscard]] static SizeCriterion volume() noexcept { return {Kind::volume, Matrix<Scalar, N>::Identity()}; }
 
+  /// Whether the volume is what a search makes small; the only one that it can, with `ELLIPTUDE_ONLY_VOLUME`.
+  [[nodiscard]] bool by_volume() const noexcept { return only_volume || kind == Kind::volume; }
+
   /// The same for the first M numbers alone.
   template <int M>
   [[nodiscard]] SizeCriterion<Scalar, M> of_first() const noexcept {
@@ -40,10 +44,11 @@ struct SizeCriterion {
   }
 };
 
-/// \return `not_finite`; `out_of_range` of what is no `Kind`, and of a weight that is not the identity unless the trace
-/// is weighted; `not_symmetric`, `not_positive_definite`.
+namespace detail {
+
+/// `validate` of a criterion that no search is to use: a trace, too, where searches know the volume alone.
 template <typename Scalar, int N>
-[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status validate(const SizeCriterion<Scalar, N>& criterion) noexcept {
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status validate_any(const SizeCriterion<Scalar, N>& criterion) noexcept {
   using Kind = typename SizeCriterion<Scalar, N>::Kind;
   if (!scalar::all_finite(criterion.weight)) {
     return Status::not_finite;
@@ -55,8 +60,19 @@ template <typename Scalar, int N>
     const Scalar off = (criterion.weight - Matrix<Scalar, N>::Identity()).squaredNorm();
     return scalar::all(off == Scalar(0)) ? Status::ok : Status::out_of_range;
   }
-  Matrix<Scalar, N> factor;
-  return is_symmetric(criterion.weight) ? cholesky(criterion.weight, factor) : Status::not_symmetric;
+  return validate_definite(criterion.weight);
+}
+
+}  // namespace detail
+
+/// \return `not_finite`; `out_of_range` of what is no `Kind`, of a weight that is not the identity unless the trace is
+/// weighted, and of a trace with `ELLIPTUDE_ONLY_VOLUME`; `not_symmetric`, `not_positive_definite`.
+template <typename Scalar, int N>
+[[nodiscard]] Status validate(const SizeCriterion<Scalar, N>& criterion) noexcept {
+  if (only_volume && criterion.kind != SizeCriterion<Scalar, N>::Kind::volume) {
+    return Status::out_of_range;
+  }
+  return detail::validate_any(criterion);
 }
 
 /// Whether each squared half-width is zero, or between the least normal number over ε² and the largest times ε²: in
@@ -100,7 +116,7 @@ template <typename Scalar, int N>
     return status;
   }
   Matrix<Scalar, N> factor;  // of no use with pivots of the size of rounding, but there is one
-  return cholesky(ellipsoid.shape, factor) == Status::ok ? Status::ok : cholesky_semidefinite(ellipsoid.shape, factor);
+  return is_positive_definite(ellipsoid.shape) ? Status::ok : cholesky_semidefinite(ellipsoid.shape, factor);
 }
 
 /// T P Tᵀ of a square T, exactly symmetric. Its entry (i, j) errs by at most 16 ε √(mᵢmⱼ), m = (|T| √diag P)²; where
@@ -109,8 +125,7 @@ template <typename Scalar, int N>
 [[nodiscard]] Matrix<Scalar, N> transformed_shape(const Matrix<Scalar, N>& transform,
                                                   const Matrix<Scalar, N>& shape) noexcept {
   Matrix<Scalar, N> result = symmetric_congruence(transform, shape);
-  Matrix<Scalar, N> factor;
-  if (cholesky(result, factor) != Status::ok && cholesky(shape, factor) == Status::ok) {
+  if (!is_positive_definite(result) && is_positive_definite(shape)) {
     const Vector<Scalar, N> width = transform.cwiseAbs().lazyProduct(Vector<Scalar, N>(shape.diagonal().cwiseSqrt()));
     result.diagonal() += rounding::share<Scalar>(rounding::image) * width.cwiseAbs2();
   }
@@ -199,7 +214,7 @@ template <typename Scalar, int N>
 template <typename Scalar, int N>
 [[nodiscard]] Status log_volume(const Ellipsoid<Scalar, N>& ellipsoid, Scalar& value) noexcept {
   Matrix<Scalar, N> l;
-  if (const Status status = cholesky(ellipsoid.shape, l); status != Status::ok) {
+  if (const Status status = put_cholesky(ellipsoid.shape, l); status != Status::ok) {
     return status;
   }
   // The unit ball's volume by V(n) = V(n − 2) 2π/n.

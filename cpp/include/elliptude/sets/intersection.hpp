@@ -18,7 +18,7 @@ template <typename Scalar, int N>
                                                   Matrix<Scalar, N>& l2, Vector<Scalar, N>& w,
                                                   Matrix<Scalar, N>& b) noexcept {
   Matrix<Scalar, N> l1;
-  if (const Status status = cholesky(first.shape, l1); status != Status::ok) {
+  if (const Status status = put_cholesky(first.shape, l1); status != Status::ok) {
     return status;
   }
   if (const Status status = cholesky_semidefinite(second.shape, l2); status != Status::ok) {
@@ -42,7 +42,7 @@ template <typename Scalar, int N>
     return Status::empty_intersection;
   }
   Matrix<Scalar, N> l1;
-  const bool first_is_smaller = !flat && cholesky(first.shape, l1) == Status::ok && is_smaller(l1, l2, criterion);
+  const bool first_is_smaller = !flat && put_cholesky(first.shape, l1) == Status::ok && is_smaller(l1, l2, criterion);
   share = first_is_smaller ? Scalar(0) : Scalar(1);
   return Status::ok;
 }

@@ -41,7 +41,7 @@ template <typename Scalar, int N, typename Given>
   if (const Status status = validate(criterion); status != Status::ok) {
     return status;
   }
-  const bool by_volume = criterion.kind == SizeCriterion<Scalar, 3>::Kind::volume;
+  const bool by_volume = criterion.by_volume();
   constexpr int most_searches = 3;
   Matrix3<Scalar> weight = criterion.weight;
   Ellipsoid<Scalar, 3> best;

@@ -152,9 +152,7 @@ template <typename Scalar, int N>
     return Status::empty_intersection;
   }
   const Matrix<Scalar, N> shape = level * inverse;
-  Matrix<Scalar, N> factor;
-  if (!scalar::all_finite(center) || !is_in_domain(shape) ||
-      (level > Scalar(0) && cholesky(shape, factor) != Status::ok)) {
+  if (!scalar::all_finite(center) || !is_in_domain(shape) || (level > Scalar(0) && !is_positive_definite(shape))) {
     return Status::beyond_domain;
   }
   ellipsoid.center = center;

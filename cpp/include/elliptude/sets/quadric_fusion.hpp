@@ -36,14 +36,15 @@ namespace detail {
 
 /// Whether the first set is smaller than the second, by the criterion.
 template <typename Scalar, int N>
-[[nodiscard]] bool is_smaller_set(const Ellipsoid<Scalar, N>& first, const Ellipsoid<Scalar, N>& second,
-                                  const SizeCriterion<Scalar, N>& criterion) noexcept {
-  if (criterion.kind != SizeCriterion<Scalar, N>::Kind::volume) {
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool is_smaller_set(const Ellipsoid<Scalar, N>& first,
+                                                        const Ellipsoid<Scalar, N>& second,
+                                                        const SizeCriterion<Scalar, N>& criterion) noexcept {
+  if (!criterion.by_volume()) {
     return criterion.weight.cwiseProduct(first.shape).sum() < criterion.weight.cwiseProduct(second.shape).sum();
   }
   Matrix<Scalar, N> l1;
   Matrix<Scalar, N> l2;
-  if (cholesky(first.shape, l1) != Status::ok || cholesky(second.shape, l2) != Status::ok) {
+  if (put_cholesky(first.shape, l1) != Status::ok || put_cholesky(second.shape, l2) != Status::ok) {
     return false;
   }
   return l1.diagonal().prod() < l2.diagonal().prod();
@@ -59,14 +60,14 @@ struct Gathered {
 };
 
 template <typename Scalar, int N, typename Given>
-void gather(const Given* quadrics, std::size_t count, const SizeCriterion<Scalar, N>& criterion,
-            const Coordinates<Scalar, N>& at, Gathered<Scalar, N>& gathered) noexcept {
+ELLIPTUDE_OUT_OF_LINE void gather(const Given* quadrics, std::size_t count, const SizeCriterion<Scalar, N>& criterion,
+                                  const Coordinates<Scalar, N>& at, Gathered<Scalar, N>& gathered) noexcept {
   ManyQuadrics<Scalar, N>& problem = gathered.problem;
   problem.with_ball = at.in_ball;
-  problem.by_volume = criterion.kind == SizeCriterion<Scalar, N>::Kind::volume;
+  problem.volume = criterion.by_volume();
   const std::size_t first = problem.with_ball ? 1 : 0;
   problem.count = count + first;
-  if (!problem.by_volume) {
+  if (!problem.by_volume()) {
     problem.weight.noalias() =
         at.factor.transpose().lazyProduct(Matrix<Scalar, N>(criterion.weight.lazyProduct(at.factor)));
     problem.weight *= Scalar(N) / problem.weight.trace();
@@ -231,8 +232,9 @@ template <typename Scalar, int N>
 /// `minimal_intersection` of at most `most_quadrics` symmetric quadrics with a valid criterion. It checks the
 /// prediction, and that all numbers are finite.
 template <typename Scalar, int N, typename Given>
-[[nodiscard]] Status fuse(const Ellipsoid<Scalar, N>* predicted, const Given* quadrics, std::size_t count,
-                          const SizeCriterion<Scalar, N>& criterion, QuadricFusion<Scalar, N>& result) noexcept {
+[[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status fuse(const Ellipsoid<Scalar, N>* predicted, const Given* quadrics,
+                                                std::size_t count, const SizeCriterion<Scalar, N>& criterion,
+                                                QuadricFusion<Scalar, N>& result) noexcept {
   Coordinates<Scalar, N> at;
   if (const Status status =
           predicted != nullptr ? coordinates_of(*predicted, at) : coordinates_without_prediction(quadrics, count, at);

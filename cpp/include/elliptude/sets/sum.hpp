@@ -76,7 +76,7 @@ struct SharedSum {
         return status;
       }
       const Scalar square = weight.cwiseProduct(terms[i].shape).sum();
-      if (!(square > Scalar(0)) && terms[i].shape.cwiseAbs().maxCoeff() > Scalar(0)) {
+      if (!(square > Scalar(0)) && scalar::largest_size(terms[i].shape) > Scalar(0)) {
         // A term must not be lost to rounding.
         return Status::not_positive_definite;
       }
@@ -133,7 +133,7 @@ template <typename Scalar, int N>
   if (count == 0 || count > detail::SharedSum<Scalar, N>::max_terms) {
     return Status::out_of_range;
   }
-  if (const Status status = validate(criterion); status != Status::ok) {
+  if (const Status status = detail::validate_any(criterion); status != Status::ok) {
     return status;
   }
   // The best shares for the trace; for the volume they are where the iteration starts.
@@ -162,12 +162,11 @@ template <typename Scalar, int N>
   if (!scalar::all_finite(shape) || !scalar::all_finite(center)) {
     return Status::beyond_domain;
   }
-  Matrix<Scalar, N> factor;
-  if (cholesky(shape, factor) != Status::ok) {
+  if (!is_positive_definite(shape)) {
     // Rounding may make a sum indefinite that cannot be, as one of its terms is not flat: an entry errs by a few ε of
     // its own terms, each at most √(Pᵢᵢ Pⱼⱼ).
     for (std::size_t i = 0; i < count; ++i) {
-      if (cholesky(terms[i].shape, factor) == Status::ok) {
+      if (is_positive_definite(terms[i].shape)) {
         shape.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::many_terms);
         break;
       }
@@ -189,13 +188,11 @@ template <typename Scalar, int M, int N>
                                        Matrix<Scalar, M + N>& product) noexcept {
   Scalar part_a(M);
   Scalar part_b(N);
-  if (criterion.kind != SizeCriterion<Scalar, M + N>::Kind::volume) {
+  if (!criterion.by_volume()) {
     part_a = scalar::sqrt(Scalar(criterion.weight.template topLeftCorner<M, M>().cwiseProduct(a).sum()));
     part_b = scalar::sqrt(Scalar(criterion.weight.template bottomRightCorner<N, N>().cwiseProduct(b).sum()));
   } else {
-    Matrix<Scalar, M> factor_a;
-    Matrix<Scalar, N> factor_b;
-    if (cholesky(a, factor_a) != Status::ok || cholesky(b, factor_b) != Status::ok) {
+    if (!is_positive_definite(a) || !is_positive_definite(b)) {
       return Status::not_positive_definite;
     }
   }

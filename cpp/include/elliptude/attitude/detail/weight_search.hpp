@@ -100,7 +100,7 @@ class WeightSearch {
       g += weights[k] * quadrics[k].g;
     }
     Matrix3<Scalar> l;
-    if (cholesky(a, l) != Status::ok) {
+    if (put_cholesky(a, l) != Status::ok) {
       return false;
     }
     point.root = lower_inverse(l);

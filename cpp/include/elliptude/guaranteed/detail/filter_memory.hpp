@@ -61,9 +61,8 @@ struct FilterMemory {
     if (const Status status = validate(vector); status != Status::ok) {
       return status;
     }
-    Matrix3<Scalar> factor;
-    if (const Status status = cholesky(vector.shape, factor); status != Status::ok) {
-      return status;
+    if (!is_positive_definite(vector.shape)) {
+      return Status::not_positive_definite;
     }
     return in_domain(vector) ? Status::ok : Status::out_of_range;
   }

@@ -61,7 +61,7 @@ template <typename Scalar>
 /// The criterion for the attitude alone.
 template <typename Scalar>
 [[nodiscard]] SizeCriterion<Scalar, 3> attitude_criterion(const SizeCriterion<Scalar, 6>& criterion) noexcept {
-  const bool by_volume = criterion.kind == SizeCriterion<Scalar, 6>::Kind::volume;
+  const bool by_volume = criterion.by_volume();
   return {by_volume ? SizeCriterion<Scalar, 3>::Kind::volume : SizeCriterion<Scalar, 3>::Kind::weighted_trace,
           criterion.weight.template topLeftCorner<3, 3>()};
 }

@@ -125,7 +125,7 @@ template <typename Scalar, typename Potential>
                                                                  const Matrix3<Scalar>& attitudes,
                                                                  const Scalar& largest_attitude) noexcept {
   Matrix3<Scalar> axes;  // γ is in {axes v : ‖v‖ ≤ 1}
-  if (cholesky(attitudes, axes) != Status::ok) {
+  if (put_cholesky(attitudes, axes) != Status::ok) {
     axes = largest_attitude * Matrix3<Scalar>::Identity();
   }
   expansion::CubicForms<Scalar> forms = expansion::CubicForms<Scalar>::Zero();

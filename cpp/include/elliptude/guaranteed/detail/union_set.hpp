@@ -15,7 +15,7 @@ template <typename Scalar>
 [[nodiscard]] Status enclosing(const Ellipsoid<Scalar, 6>& first, const Ellipsoid<Scalar, 6>& second,
                                Ellipsoid<Scalar, 6>& both) noexcept {
   Matrix6<Scalar> l;
-  if (const Status status = cholesky(first.shape, l); status != Status::ok) {
+  if (const Status status = put_cholesky(first.shape, l); status != Status::ok) {
     return status;
   }
   const Matrix6<Scalar> inverse = lower_inverse(l);

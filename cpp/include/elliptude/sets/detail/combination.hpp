@@ -169,19 +169,19 @@ class RelativeSize {
   /// \param factor a lower triangle.
   RelativeSize(const Matrix<Scalar, N>& factor, const Vector<Scalar, N>& present,
                const SizeCriterion<Scalar, N>& criterion) noexcept
-      : by_volume_(criterion.kind == SizeCriterion<Scalar, N>::Kind::volume),
+      : by_volume_(criterion.by_volume()),
         dimension_(present.sum()),
         absent_(Scalar(N) - dimension_),
         weight_(present.asDiagonal()) {
-    if (criterion.kind == SizeCriterion<Scalar, N>::Kind::trace) {
+    if (!by_volume() && criterion.kind == SizeCriterion<Scalar, N>::Kind::trace) {
       put_square_of_lower(factor, weight_);
-    } else if (!by_volume_) {
+    } else if (!by_volume()) {
       put_weight(factor, criterion.weight);
     }
   }
 
   [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Scalar operator()(const KeptCombination<Scalar, N>& c) const noexcept {
-    if (by_volume_) {
+    if (by_volume()) {
       Scalar determinant(1);
       for (int i = 0; i < N; ++i) {
         determinant *= c.root(i, i);  // of the root of A⁻¹
@@ -193,7 +193,7 @@ class RelativeSize {
 
   /// Whether that is negative: the second set alone is larger. No branch depends on a number.
   [[nodiscard]] auto is_below_second(const KeptCombination<Scalar, N>& c) const noexcept {
-    if (by_volume_) {
+    if (by_volume()) {
       return (*this)(c) < Scalar(0);
     }
     return c.level * weight_.cwiseProduct(square_of_lower(c.root)).sum() < weight_.trace();
@@ -204,7 +204,7 @@ class RelativeSize {
                                          Scalar& second) const noexcept {
     const Scalar level1 = c.ball_slack / c.level;
     const Scalar level2 = Scalar(2) * c.center.dot(c.inverse.lazyProduct(c.center)) / c.level - level1 * level1;
-    if (by_volume_) {
+    if (by_volume()) {
       first = dimension_ * level1 - (c.inverse.trace() - absent_);
       second = dimension_ * level2 + (c.inverse.squaredNorm() - absent_);
     } else {
@@ -230,13 +230,13 @@ class RelativeSize {
     return slopes;
   }
 
-  [[nodiscard]] bool by_volume() const noexcept { return by_volume_; }
+  [[nodiscard]] bool by_volume() const noexcept { return only_volume || by_volume_; }
   [[nodiscard]] const Matrix<Scalar, N>& weight() const noexcept { return weight_; }  ///< W', if not by volume
 
   /// The quadric's slack at the ball's center from which on mixing in the quadric gains nothing: where the derivative
   /// with respect to 1/q at 1/q = 0 is not negative.
   [[nodiscard]] Scalar idle_slack(const Matrix<Scalar, N>& m) const noexcept {
-    return by_volume_ ? Scalar(m.trace() / dimension_) : Scalar(weight_.cwiseProduct(m).sum() / weight_.trace());
+    return by_volume() ? Scalar(m.trace() / dimension_) : Scalar(weight_.cwiseProduct(m).sum() / weight_.trace());
   }
 
  private:

@@ -20,7 +20,7 @@ namespace detail {
 /// One constraint in the coordinates u of the search.
 template <typename Scalar, int N>
 struct Constraint {
-  static constexpr int lead = std::min(N, 3);
+  static constexpr int lead = std::min(N, 3);  ///< where it is N, none is `leading`
 
   int rank;      ///< of A, at most
   bool leading;  ///< whether it constrains only the first three of six coordinates, as a direction does
@@ -51,11 +51,19 @@ struct Constraint {
   /// f of the one that it is.
   template <typename Function>
   auto with(const Function& f) const noexcept {
-    return leading ? f(part) : f(quadric);
+    if constexpr (lead < N) {
+      return leading ? f(part) : f(quadric);
+    } else {
+      return f(quadric);
+    }
   }
   template <typename Function>
   auto with(const Function& f) noexcept {
-    return leading ? f(part) : f(quadric);
+    if constexpr (lead < N) {
+      return leading ? f(part) : f(quadric);
+    } else {
+      return f(quadric);
+    }
   }
 };
 
@@ -84,9 +92,11 @@ class ManyQuadrics {
 
   std::array<Constraint<Scalar, N>, most> constraints;
   std::size_t count = 0;
-  bool with_ball = false;  ///< whether constraint 0 is the unit ball
-  bool by_volume = true;
+  bool with_ball = false;    ///< whether constraint 0 is the unit ball
+  bool volume = true;        ///< whether that is what is made small
   Matrix<Scalar, N> weight;  ///< W in the coordinates u
+
+  [[nodiscard]] bool by_volume() const noexcept { return only_volume || volume; }
 
   /// A = ΣμₖAₖ and g = Σμₖgₖ.
   void sum(const Multipliers& multipliers, Matrix<Scalar, N>& a, Vector<Scalar, N>& g) const noexcept {
@@ -158,8 +168,8 @@ class ManyQuadrics {
       it.rounding += rounding::share<Scalar>(rounding::terms(N, static_cast<int>(count))) *
                      magnitude(multipliers, Vector<Scalar, N>(it.center.cwiseAbs2()));
     }
-    it.barrier = by_volume ? Scalar(Scalar(2) * scalar::log(Scalar(it.root.diagonal().prod())))
-                           : Scalar(Scalar(N) * scalar::log(Scalar(it.inverse.cwiseProduct(weight).sum())));
+    it.barrier = by_volume() ? Scalar(Scalar(2) * scalar::log(Scalar(it.root.diagonal().prod())))
+                             : Scalar(Scalar(N) * scalar::log(Scalar(it.inverse.cwiseProduct(weight).sum())));
     it.size = Scalar(N) * scalar::log(Scalar(positive + it.rounding)) + it.barrier;
     return Status::ok;
   }
@@ -167,7 +177,7 @@ class ManyQuadrics {
   /// V with ∇F = s − tr(V A): A⁻¹, or N A⁻¹WA⁻¹/tr(WA⁻¹).
   void gradient(const Iterate& it, Matrix<Scalar, N>& v, Multipliers& result) const noexcept {
     const Matrix<Scalar, N>& x = it.inverse;
-    if (by_volume) {
+    if (by_volume()) {
       v = x;
     } else {
       const Matrix<Scalar, N> half = product_by_columns(x, weight);
@@ -196,7 +206,7 @@ class ManyQuadrics {
     for (std::size_t j = 0; j < count; ++j) {
       const Constraint<Scalar, N>& constraint = constraints[j];
       Vector<Scalar, N> t;  // A⁻¹rⱼ
-      if (constraint.leading) {
+      if (is_leading(j)) {
         const Matrix<Scalar, lead> half = x_corner.lazyProduct(constraint.part.a);
         z_corner[j].noalias() = half.lazyProduct(v_corner);
         const Vector<Scalar, lead> own =
@@ -217,9 +227,9 @@ class ManyQuadrics {
       for (std::size_t k = 0; k <= j; ++k) {
         Scalar entry;
         Scalar inner;
-        if (constraint.leading || constraints[k].leading) {
-          const std::size_t one = constraint.leading ? j : k;
-          const std::size_t other = constraint.leading ? k : j;
+        if (is_leading(j) || is_leading(k)) {
+          const std::size_t one = is_leading(j) ? j : k;
+          const std::size_t other = is_leading(j) ? k : j;
           entry = trace_of_product(constraints[one].part.a, z_corner[other]);
           inner = r[one].template head<lead>().dot(t_head[other]);
         } else {
@@ -228,7 +238,7 @@ class ManyQuadrics {
                                : trace_of_product(constraints[k].quadric.a, z);
           inner = r[k].dot(t);
         }
-        if (!by_volume) {
+        if (!by_volume()) {
           entry += entry - (it.slack[j] - gradient[j]) * (it.slack[k] - gradient[k]) / Scalar(N);
         }
         result[j * most + k] = entry + Scalar(2) * inner;
@@ -244,7 +254,7 @@ class ManyQuadrics {
     const Scalar along = trace * trace / Scalar(N);
     if (is_ball(k)) {
       const Scalar square = it.inverse.cwiseProduct(v).sum();
-      return (by_volume ? Scalar(square - along) : Scalar(Scalar(2) * (square - along))) +
+      return (by_volume() ? Scalar(square - along) : Scalar(Scalar(2) * (square - along))) +
              Scalar(2) * (it.root.lazyProduct(it.center)).squaredNorm();
     }
     return trace * trace / Scalar(constraints[k].rank) - along;
@@ -262,10 +272,12 @@ class ManyQuadrics {
 
   [[nodiscard]] bool is_ball(std::size_t k) const noexcept { return with_ball && k == 0; }
 
+  [[nodiscard]] bool is_leading(std::size_t k) const noexcept { return lead < N && constraints[k].leading; }
+
   /// tr(W Aₖ), for the volume tr Aₖ.
   [[nodiscard]] Scalar weighted_trace(std::size_t k) const noexcept {
     return constraints[k].with(
-        [this](const auto& q) { return by_volume ? Scalar(q.a.trace()) : trace_of_product(q.a, weight); });
+        [this](const auto& q) { return by_volume() ? Scalar(q.a.trace()) : trace_of_product(q.a, weight); });
   }
 
  private:

@@ -92,7 +92,8 @@ template <typename Scalar, int N>
     return best;
   }
   const Scalar missing = scalar::constant<Scalar>(1e-3L) * scalar::abs(q.c);
-  return missing > Scalar(0) ? missing : (q.a.norm() > Scalar(0) ? Scalar(q.a.norm()) : Scalar(1));
+  const Scalar largest = scalar::largest_size(q.a);
+  return missing > Scalar(0) ? missing : (largest > Scalar(0) ? largest : Scalar(1));
 }
 
 /// Scales for coordinates without a prediction, in which the quadrics' diagonals are of the size of their slack.
@@ -129,7 +130,7 @@ template <typename Scalar, int N>
   // Raised by more than the factorization loses, so that factor factorᵀ ⪰ P.
   Matrix<Scalar, N> raised = predicted.shape;
   raised.diagonal() *= Scalar(1) + rounding::share<Scalar>(rounding::cholesky(N));
-  if (const Status status = cholesky(raised, at.factor); status != Status::ok) {
+  if (const Status status = put_cholesky(raised, at.factor); status != Status::ok) {
     return status;
   }
   at.shift = predicted.center;

@@ -47,18 +47,16 @@ template <typename Scalar, int N>
   if (may_be_flat) {
     return validate(set) == Status::ok ? Status::ok : Status::beyond_domain;
   }
-  Matrix<Scalar, N> factor;
   Matrix<Scalar, N> lowered = set.shape;
   lowered.diagonal() *= Scalar(1) - rounding::share<Scalar>(rounding::cholesky(N));
-  return validate_entries(set) == Status::ok && cholesky(lowered, factor) == Status::ok ? Status::ok
-                                                                                        : Status::beyond_domain;
+  return validate_entries(set) == Status::ok && is_positive_definite(lowered) ? Status::ok : Status::beyond_domain;
 }
 
 /// Whether the ellipsoid of the first Cholesky factor is smaller than that of the second.
 template <typename Scalar, int N>
 [[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool is_smaller(const Matrix<Scalar, N>& first, const Matrix<Scalar, N>& second,
                                                     const SizeCriterion<Scalar, N>& criterion) noexcept {
-  if (criterion.kind == SizeCriterion<Scalar, N>::Kind::volume) {
+  if (criterion.by_volume()) {
     return first.diagonal().prod() < second.diagonal().prod();
   }
   const auto trace = [&](const Matrix<Scalar, N>& factor) {

@@ -37,6 +37,60 @@ struct Reflection {
   }
 };
 
+/// Σ aₖbₖ of the first `count` numbers, added up as Eigen adds up a sum that it writes out, of two to six: in two halves,
+/// each from its end.
+template <typename Scalar, int N>
+[[nodiscard]] Scalar product_in_halves(const Vector<Scalar, N>& a, const Vector<Scalar, N>& b, int count) noexcept {
+  const auto backwards = [&](int first, int last) {
+    Scalar sum = a(last) * b(last);
+    for (int k = last; k-- > first;) {
+      sum += a(k) * b(k);
+    }
+    return sum;
+  };
+  const int half = count / 2;
+  return half == 0 ? backwards(0, count - 1) : Scalar(backwards(0, half - 1) + backwards(half, count - 1));
+}
+
+/// `Reflection` of a size that is known when it runs, with the same bits: the code is there once.
+template <typename Scalar, int N>
+struct LoopedReflection {
+  static_assert(N <= 6, "a longer sum is added up in another order");
+  int size;
+  Vector<Scalar, N> axis;
+  Scalar scale;
+  Scalar image;
+
+  LoopedReflection(const Vector<Scalar, N>& x, int count) noexcept : size(count), axis(x) {
+    const Scalar length = scalar::sqrt(product_in_halves<Scalar, N>(x, x, count));
+    image = x(count - 1) > Scalar(0) ? Scalar(-length) : length;
+    axis(count - 1) -= image;
+    scale = length > Scalar(0) ? Scalar(Scalar(-1) / (image * axis(count - 1))) : Scalar(0);
+  }
+
+  /// H S H for the first `count` rows and columns of a symmetric matrix.
+  ELLIPTUDE_OUT_OF_LINE void turn(int count, Matrix<Scalar, N>& symmetric) const noexcept {
+    Vector<Scalar, N> product;
+    for (int i = 0; i < count; ++i) {
+      product(i) = scale * product_in_halves<Scalar, N>(symmetric.row(i), axis, size);
+    }
+    const Scalar along = scalar::constant<Scalar>(0.5L) * scale * product_in_halves<Scalar, N>(axis, product, size);
+    for (int i = 0; i < size; ++i) {
+      product(i) -= along * axis(i);
+    }
+    for (int j = 0; j < size; ++j) {
+      for (int i = 0; i < count; ++i) {
+        symmetric(i, j) -= product(i) * axis(j);
+      }
+    }
+    for (int j = 0; j < count; ++j) {
+      for (int i = 0; i < size; ++i) {
+        symmetric(i, j) -= axis(i) * product(j);
+      }
+    }
+  }
+};
+
 /// A polynomial Σ cₖ qᵏ of q with room for `Count` coefficients.
 template <typename Scalar, std::size_t Count>
 using Polynomial = std::array<Scalar, Count>;
@@ -48,13 +102,14 @@ struct Jet {
   Scalar first;
   Scalar second;
 
-  /// \tparam Degree of the polynomial, whose further coefficients are not read.
-  template <std::size_t Degree, std::size_t Count>
-  [[nodiscard]] static Jet of(const Polynomial<Scalar, Count>& polynomial, const Scalar& q) noexcept {
-    Scalar value = polynomial[Degree];
+  /// \param degree of the polynomial, whose further coefficients are not read.
+  template <std::size_t Count>
+  [[nodiscard]] ELLIPTUDE_INLINE static Jet of(std::size_t degree, const Polynomial<Scalar, Count>& polynomial,
+                                               const Scalar& q) noexcept {
+    Scalar value = polynomial[degree];
     Scalar first(0);
     Scalar half_second(0);
-    for (std::size_t k = Degree; k-- > 0;) {
+    for (std::size_t k = degree; k-- > 0;) {
       half_second = half_second * q + first;
       first = first * q + value;
       value = value * q + polynomial[k];
@@ -84,8 +139,19 @@ struct Tridiagonal {
     if (weighted) {
       weight = size.weight();
     }
-    reflect<N>(v, weighted, t);
-    reflect_columns<N - 1>(weighted, t);
+    if constexpr (is_written_out<N>) {
+      reflect<N>(v, weighted, t);
+      reflect_columns<N - 1>(weighted, t);
+    } else {
+      for (int size = N; size == N || size > 1; --size) {
+        const LoopedReflection<Scalar, N> reflection(size == N ? v : Vector<Scalar, N>(t.col(size)), size);
+        beside(size - 1) = reflection.image;
+        reflection.turn(size, t);
+        if (weighted) {
+          reflection.turn(N, weight);
+        }
+      }
+    }
     if constexpr (N > 1) {
       beside(0) = t(0, 1);
     }
@@ -145,23 +211,25 @@ class ReducedSize {
   /// \return whether det(T + qI) > 0 and N > 0; if not, the derivatives are of no use.
   [[nodiscard]] auto derivatives(const Scalar& q, Scalar& slope, Scalar& curvature,
                                  Scalar& determinant) const noexcept {
-    const auto of_determinant = Jet<Scalar>::template of<N>(determinant_, q);
-    const auto of_level = Jet<Scalar>::template of<N + 1>(level_, q);
+    const auto of_determinant = Jet<Scalar>::of(N, determinant_, q);
+    const auto of_level = Jet<Scalar>::of(N + 1, level_, q);
     slope = Scalar(0);
     curvature = Scalar(0);
-    if (by_volume_) {
+    if (by_volume()) {
       of_level.add_logarithm(Scalar(N), slope, curvature);
       of_determinant.add_logarithm(Scalar(-N - 1), slope, curvature);
     } else {
       of_level.add_logarithm(Scalar(1), slope, curvature);
       of_determinant.add_logarithm(Scalar(-2), slope, curvature);
-      Jet<Scalar>::template of<N - 1>(trace_, q).add_logarithm(Scalar(1), slope, curvature);
+      Jet<Scalar>::of(N - 1, trace_, q).add_logarithm(Scalar(1), slope, curvature);
     }
     determinant = of_determinant.value;
     return of_determinant.value > Scalar(0) && of_level.value > Scalar(0);
   }
 
  private:
+  [[nodiscard]] bool by_volume() const noexcept { return only_volume || by_volume_; }
+
   using Coefficients = Polynomial<Scalar, N + 2>;
   using Minors = std::array<Coefficients, N + 1>;
 
@@ -172,39 +240,60 @@ class ReducedSize {
     Minors leading;
     leading[0] = {Scalar(1)};
     leading[1] = {t.diagonal(0), Scalar(1)};
-    add_leading<1>(t.diagonal, squares, leading);
+    if constexpr (is_written_out<N>) {
+      add_leading<1>(t.diagonal, squares, leading);
+      level_ = next(N, leading[N], slack, Scalar(-squares(N - 1)), leading[N - 1]);
+    } else {
+      for (int size = 1; size <= N; ++size) {  // the last is N(q) det(T + qI), which the minors have no room for
+        const auto k = static_cast<std::size_t>(size);
+        const Scalar diagonal = size < N ? t.diagonal(size) : slack;
+        const Scalar square = size < N ? squares(size - 1) : Scalar(-squares(N - 1));
+        (size < N ? leading[k + 1] : level_) = next(k, leading[k], diagonal, square, leading[k - 1]);
+      }
+    }
     determinant_ = leading[N];
-    level_ = next<N>(leading[N], slack, Scalar(-squares(N - 1)), leading[N - 1]);
-    if (!by_volume_) {
+    if (!by_volume()) {
       weigh_minors(t);
       trace_.fill(Scalar(0));
-      add_columns<N - 1>(t, squares, leading, leading[0], leading[0]);
+      if constexpr (is_written_out<N>) {
+        add_columns<N - 1>(t, squares, leading, leading[0], leading[0]);
+      } else {
+        Coefficients trailing = leading[0];
+        Coefficients before = leading[0];
+        for (int column = N - 1; column >= 0; --column) {
+          add_column(column, t, leading, trailing);
+          const auto below = static_cast<std::size_t>(N - 1 - column);
+          const Coefficients longer = next(below, trailing, t.diagonal(column), squares(column), before);
+          before = trailing;
+          trailing = longer;
+        }
+      }
     }
   }
 
   /// (t + q) · minor − square · before, where the minor is of this degree and `before` of one less.
-  template <std::size_t Degree>
-  [[nodiscard]] static Coefficients next(const Coefficients& minor, const Scalar& t, const Scalar& square,
-                                         const Coefficients& before) noexcept {
+  [[nodiscard]] ELLIPTUDE_INLINE static Coefficients next(std::size_t degree, const Coefficients& minor,
+                                                          const Scalar& t, const Scalar& square,
+                                                          const Coefficients& before) noexcept {
     Coefficients result;
     result[0] = t * minor[0];
-    for (std::size_t k = 1; k <= Degree; ++k) {
+    for (std::size_t k = 1; k <= degree; ++k) {
       result[k] = t * minor[k] + minor[k - 1];
     }
-    for (std::size_t k = 0; k < Degree; ++k) {
+    for (std::size_t k = 0; k < degree; ++k) {
       result[k] -= square * before[k];
     }
-    result[Degree + 1] = minor[Degree];
+    result[degree + 1] = minor[degree];
     return result;
   }
 
   /// The leading minors of more than `Size` rows. A recursion, like the other, so that each loop has a constant length
-  /// and is unrolled.
+  /// and is unrolled. Where it is not written out, there are loops instead of both.
   template <int Size>
   static void add_leading(const Vector<Scalar, N>& diagonal, const Vector<Scalar, N>& squares,
                           Minors& leading) noexcept {
     if constexpr (Size < N) {
-      leading[Size + 1] = next<Size>(leading[Size], diagonal(Size), squares(Size - 1), leading[Size - 1]);
+      leading[Size + 1] = next(Size, leading[Size], diagonal(Size), squares(Size - 1), leading[Size - 1]);
       add_leading<Size + 1>(diagonal, squares, leading);
     }
   }
@@ -220,18 +309,17 @@ class ReducedSize {
     }
   }
 
-  /// Adds what the columns from `Column` down have of tr(QᵀW'Q (T + qI)⁻¹) det(T + qI).
-  /// \param trailing minor of the rows below, and `before` that without the first of them, if there is one.
-  template <int Column>
-  void add_columns(const Tridiagonal<Scalar, N>& t, const Vector<Scalar, N>& squares, const Minors& leading,
-                   const Coefficients& trailing, const Coefficients& before) noexcept {
-    constexpr std::size_t most = Column;           // the degree of the sum of leading minors
-    constexpr std::size_t below = N - 1 - Column;  // that of the trailing one
-    std::array<Scalar, most + 1> sum;
+  /// Adds what a column has of tr(QᵀW'Q (T + qI)⁻¹) det(T + qI).
+  /// \param trailing minor of the rows below.
+  ELLIPTUDE_INLINE void add_column(int column, const Tridiagonal<Scalar, N>& t, const Minors& leading,
+                                   const Coefficients& trailing) noexcept {
+    const auto most = static_cast<std::size_t>(column);  // the degree of the sum of leading minors
+    const std::size_t below = N - 1 - most;              // that of the trailing one
+    std::array<Scalar, N> sum;
     for (std::size_t k = 0; k <= most; ++k) {
-      sum[k] = t.weight(static_cast<Eigen::Index>(k), Column) * leading[k][k];
+      sum[k] = t.weight(static_cast<Eigen::Index>(k), column) * leading[k][k];
       for (std::size_t i = k + 1; i <= most; ++i) {
-        sum[k] += t.weight(static_cast<Eigen::Index>(i), Column) * leading[i][k];
+        sum[k] += t.weight(static_cast<Eigen::Index>(i), column) * leading[i][k];
       }
     }
     for (std::size_t k = 0; k <= most; ++k) {
@@ -239,8 +327,17 @@ class ReducedSize {
         trace_[k + i] += sum[k] * trailing[i];
       }
     }
+  }
+
+  /// What the columns from `Column` down have.
+  /// \param trailing minor of the rows below, and `before` that without the first of them, if there is one.
+  template <int Column>
+  void add_columns(const Tridiagonal<Scalar, N>& t, const Vector<Scalar, N>& squares, const Minors& leading,
+                   const Coefficients& trailing, const Coefficients& before) noexcept {
+    add_column(Column, t, leading, trailing);
     if constexpr (Column > 0) {
-      add_columns<Column - 1>(t, squares, leading, next<below>(trailing, t.diagonal(Column), squares(Column), before),
+      constexpr std::size_t below = N - 1 - Column;
+      add_columns<Column - 1>(t, squares, leading, next(below, trailing, t.diagonal(Column), squares(Column), before),
                               trailing);
     }
   }
