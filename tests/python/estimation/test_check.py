@@ -155,6 +155,7 @@ def test_an_attitude_that_is_held(noise, scatter):
         ),
         ("gyr", -1.0, r'error: the gyro: its axes .* With columns = \["gyr\[0\]", .* axes = \["-x", "-z", "-y"\] '),
         ("t", 1000.0, "error: up: .* as if the unit of time .* were 1000 times smaller"),
+        ("t", 1e-3, "error: up: .* as if the unit of time .* were 1000 times larger"),
         # In steps of 10,000 s a noise of 1 deg/s turns anything anywhere, so that nothing is sure.
         ("t", 1e6, "warning: up: .* as if the unit of time .* were a million times smaller"),
         ("t", 1e9, r"error: .*row 1002, column .t.: the time 1.001e.10 s: is its unit right. The steps are 1e.07 s"),

@@ -1,7 +1,7 @@
 """Recordings that keep all that is stated, at its extremes too: no check refuses one."""
 
 import dataclasses
-import importlib.util
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +16,8 @@ from elliptude.validation.recordings.drawing import draw_recording
 from elliptude.validation.recordings.trials import write_recording
 from scipy.spatial.transform import Rotation
 
-BENCHMARK = Path(__file__).resolve().parents[3] / "benchmarks" / "random_configurations.py"
-SPEC = importlib.util.spec_from_file_location("random_configurations", BENCHMARK)
-random_configurations = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(random_configurations)
+sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
+from random_configurations import draw_configuration
 
 
 def errors_of(log, configuration):
@@ -27,7 +25,7 @@ def errors_of(log, configuration):
 
 
 def drawn(seed, number, trial, folder):
-    tables = random_configurations.draw_configuration([seed, number])
+    tables = draw_configuration([seed, number])
     configuration = validate(Path("drawn"), tables, Configuration)
     recording = draw_recording(configuration, np.random.SeedSequence(100_000 * seed + number, spawn_key=(trial,)))
     write_recording(recording, folder / "log.csv")

@@ -20,8 +20,9 @@ from elliptude.bounds.stamps import time_offset_angles
 from elliptude.bounds.turns import attitudes_from_rates, coning_angles, from_the_first, running_integral
 from elliptude.typing import FloatArray
 
-# s; half-lengths of windows are multiples of a cell, which is at least this long, and longer for a slow sensor.
-_CELL_S, _SAMPLES = 0.5, 4
+# s; half-lengths of windows are multiples of a cell, which is so long, longer for a slow sensor, and shorter in a short
+# recording, of which there are so many at least.
+_CELL_S, _SAMPLES, _FEWEST_CELLS = 0.5, 4, 24
 _HALF_LENGTHS = (1, 2, 4, 6, 8, 12)
 # Distance between the tops of two compared windows, in half-lengths; from 2 on they do not overlap.
 _DISTANCES = (2, 3, 4, 6, 8)
@@ -235,7 +236,8 @@ def _carried(
     frame = _Frame(clock, steady, running_integral(clock, speeds), gyro)
     attitudes = attitudes_from_rates(short, sign * rates)
     begin = max(float(clock[there][0]) for there in measured)
-    duration = max(_CELL_S, _SAMPLES * max(float(np.median(np.diff(clock[there]))) for there in measured))
+    shortest = _SAMPLES * max(float(np.median(np.diff(clock[there]))) for there in measured)
+    duration = max(shortest, min(_CELL_S, float(clock[-1] - begin) / _FEWEST_CELLS))
     cells = []
     for there, (vectors, statement) in zip(measured, sensors, strict=True):
         there = there & (clock >= begin)
