@@ -4,6 +4,7 @@
 #define ELLIPTUDE_MOST_QUADRICS 8
 #define ELLIPTUDE_MOST_QUESTIONED 1
 #define ELLIPTUDE_MOST_WRONG 0
+#define ELLIPTUDE_ONLY_VOLUME 1
 #define ELLIPTUDE_MOST_STEPS 20
 
 #include <doctest/doctest.h>
@@ -117,4 +118,33 @@ TEST_CASE("where no measurement may be wrong, a filter that lets one be is not m
   REQUIRE(Filter::make(flow, settings, 0, filter) == Status::ok);
   settings.most_wrong = 1;
   CHECK(Filter::make(flow, settings, 0, filter) == Status::out_of_range);
+}
+
+TEST_CASE("where searches know the volume alone a trace is refused by all that search") {
+  const auto trace = SizeCriterion<double, 6>::trace();
+  CHECK(validate(trace) == Status::out_of_range);
+  CHECK(validate(SizeCriterion<double, 6>::volume()) == Status::ok);
+  Flow flow;
+  REQUIRE(Flow::make({}, {}, 0.1, {}, flow) == Status::ok);
+  Filter filter;
+  Filter::Settings settings;
+  settings.criterion = trace;
+  CHECK(Filter::make(flow, settings, 0, filter) == Status::out_of_range);
+  PaperFlow paper_flow;
+  PaperFilter paper;
+  REQUIRE(PaperFlow::make({}, {}, 0.1, 2, Matrix3d::Zero(), paper_flow) == Status::ok);
+  const StateEllipsoid<RigidBodyState<double>> start{{Matrix3d::Identity(), Vector3d::Zero()},
+                                                     0.01 * Matrix6<double>::Identity()};
+  CHECK(PaperFilter::make(paper_flow, trace, 0, start, paper) == Status::out_of_range);
+  const Ellipsoid<double, 6> ball{Vector<double, 6>::Zero(), Matrix6<double>::Identity()};
+  Intersection<double, 6> smallest;
+  CHECK(minimal_intersection(ball, ball, trace, smallest) == Status::out_of_range);
+}
+
+TEST_CASE("sums know both criteria, as filters of first order sum attitudes by trace") {
+  const std::array<Ellipsoid<double, 3>, 2> terms{
+      {{Vector3d::Zero(), Matrix3d::Identity()}, {Vector3d::Zero(), 4 * Matrix3d::Identity()}}};
+  Ellipsoid<double, 3> sum;
+  REQUIRE(minimal_sum(terms.data(), terms.size(), SizeCriterion<double, 3>::trace(), sum) == Status::ok);
+  CHECK(sum.shape(0, 0) == doctest::Approx(9));
 }
