@@ -415,12 +415,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         If ``measured.csv`` is, or is of other results, the run says so.
     """
     table = _table_of(Path(result))
-    names = column_names(table, "results")
-    if "time_s" not in names:
-        raise FileError(
-            f"{table}: no column 'time_s', so no table of results, as `elliptude estimate` writes it; a log is for "
-            "estimate, or for monitor with --config"
-        )
+    names = _columns_of(table)
     texts = [name for name in ("claim", "dropped", "chart", "up_claim") if name in names]
     with_errors = ATTITUDE_ERRORS[0] in names
     further = [name for name in _SINGLE_COLUMNS.values() if name in names]
@@ -514,6 +509,16 @@ def files_of_run(result: Path) -> list[Path]:
     folder = result if result.is_dir() else result.parent
     names = ("results.csv", "results.parquet", "summary.json", "dropped.csv", MEASURED)
     return [result, *(folder / name for name in names)]
+
+
+def _columns_of(table: Path) -> tuple[str, ...]:
+    names = column_names(table, "results")
+    if "time_s" not in names:
+        raise FileError(
+            f"{table}: no column 'time_s', so no table of results, as `elliptude estimate` writes it; a log is for "
+            "estimate, or for monitor with --config"
+        )
+    return names
 
 
 def _table_of(result: Path) -> Path:
