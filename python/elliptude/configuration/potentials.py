@@ -2,6 +2,7 @@
 
 import decimal
 from decimal import Decimal
+from fractions import Fraction
 from typing import Annotated, Literal, Self, TypeAlias
 
 import numpy as np
@@ -26,6 +27,16 @@ class _Potential(Model):
     def lacks_time(self, origin: int) -> bool:
         """Whether it turns, but nothing says where it points in a log whose times count from a second of the file."""
         return False
+
+    def counted_from(self, origin: int) -> Self:
+        """The same in a file whose times count from a second of this one's.
+
+        Raises
+        ------
+        ValueError
+            If the time that it is stated for is no number there.
+        """
+        return self
 
 
 class FreeBody(_Potential):
@@ -58,6 +69,18 @@ class _Turning(_Potential):
     def lacks_time(self, origin: int) -> bool:
         """As of any potential."""
         return self.turns and self.stated_at_s is None and origin != 0
+
+    def counted_from(self, origin: int) -> Self:
+        """As of any potential."""
+        if not self.turns or origin == 0:
+            return self
+        stated = self.stated_at_s or 0.0
+        if Fraction(stated) - origin != Fraction(stated - origin):
+            raise ValueError(
+                f"flow.potential.stated_at_s: {stated!r} s, counted from {origin} s, has more digits than a number "
+                "holds: state the direction for a whole second"
+            )
+        return self.model_copy(update={"stated_at_s": stated - origin})
 
     def _turned(self, turn: Vector, origin: int) -> tuple[float, float]:
         """Cosine and sine of how far it has turned at a second of the file; theory, section 5."""
@@ -165,6 +188,10 @@ class SumPotential(_Potential):
     def lacks_time(self, origin: int) -> bool:
         """As of any potential."""
         return any(potential.lacks_time(origin) for potential in self.potentials)
+
+    def counted_from(self, origin: int) -> Self:
+        """As of any potential."""
+        return self.model_copy(update={"potentials": tuple(one.counted_from(origin) for one in self.potentials)})
 
     def build(self, body: elliptude.RigidBody, origin: int = 0) -> elliptude.Potential:
         """The core's potential, of which the file's second ``origin`` is time 0."""

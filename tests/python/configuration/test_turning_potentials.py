@@ -7,7 +7,10 @@ import mpmath
 import numpy as np
 import pytest
 from elliptude.configuration import Configuration, potentials
+from elliptude.configuration.configuration import read_configuration
 from elliptude.estimation.estimator import estimate
+from elliptude.io.files import FileError
+from elliptude.logs.conversion import convert_measurements
 from elliptude.logs.log import read_log
 from elliptude.smoothing.smoother import smoothed_run
 from scipy.integrate import solve_ivp
@@ -157,3 +160,28 @@ def test_estimates_are_those_of_a_log_that_counts_from_0(tmp_path, asked):
         one, other = (getattr(found[since], name) for since in (0, 1000))
         if one is not None:
             np.testing.assert_array_equal(one, other)
+
+
+def test_a_table_has_the_potential_of_its_own_times(tmp_path):
+    """The configuration that `convert` writes beside the table: both give the same sets."""
+    attitudes, rates = motion(STATED["sum"], TIMES)
+    stated = configuration(STATED["sum"], mode="guaranteed")
+    file = written(tmp_path, TIMES, attitudes, rates)
+    whole = estimate(read_log(file, stated), stated).result
+    convert_measurements(file, tmp_path / "table.csv", stated, tmp_path / "table.toml")
+    of_table = read_configuration(tmp_path / "table.toml")
+    assert [one.stated_at_s for one in of_table.flow.potential.potentials] == [-1000.0, -99.75, -1000.0]
+    again = estimate(read_log(tmp_path / "table.csv", of_table), of_table).result
+    np.testing.assert_allclose(again.quaternions, whole.quaternions, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(again.half_widths, whole.half_widths, rtol=1e-9)
+
+
+def test_a_table_whose_times_a_number_does_not_hold_is_refused(tmp_path):
+    """0.1 s less 1000 s is no number of 53 digits: the angle would be another one."""
+    potential = ORBIT | {"stated_at_s": 0.1}
+    attitudes, rates = motion(potential, TIMES)
+    stated = configuration(potential, mode="guaranteed")
+    file = written(tmp_path, TIMES, attitudes, rates)
+    with pytest.raises(FileError, match=r"flow\.potential\.stated_at_s"):
+        convert_measurements(file, tmp_path / "table.csv", stated, tmp_path / "table.toml")
+    assert not (tmp_path / "table.csv").exists()

@@ -101,12 +101,17 @@ def configuration_of(log: Log, configuration: Configuration) -> dict[str, Any]:
     -------
     dict
         Its tables, as in a TOML file.
+
+    Raises
+    ------
+    FileError
+        If a time that is stated is none that counts as the table does.
     """
     full = configuration.model_dump(mode="json", exclude_unset=True, exclude_none=True)
     timing = {key: value for key, value in full.get("timing", {}).items() if key in ("same_within_s", "largest_gap_s")}
     found = {key: value for key, value in full.items() if key not in ("csv", "timing", "calibration", "time_unit")}
     found |= {"time_column": "time_s"} | ({"timing": timing} if timing else {})
-    found["flow"] = _flow(full["flow"], configuration)
+    found["flow"] = _flow(full["flow"], configuration, log.origin)
     if configuration.directions:
         found["directions"] = [
             _direction(table, sensor, i, log, configuration)
@@ -135,12 +140,19 @@ def configuration_of(log: Log, configuration: Configuration) -> dict[str, Any]:
     return found
 
 
-def _flow(table: dict[str, Any], configuration: Configuration) -> dict[str, Any]:
+def _flow(table: dict[str, Any], configuration: Configuration, origin: int) -> dict[str, Any]:
     if isinstance(configuration.flow, GyroFlow):
         own = {"columns": tables.GYRO, "time_column": tables.own_stamps("gyro"), "time_unit": "s"}
         return _without(table, _OF_COLUMNS) | own
     names = {"control_torque_columns": tables.CONTROL_TORQUE, "wheel_momentum_columns": tables.WHEEL_MOMENTUM}
-    return table | {key: columns for key, columns in names.items() if key in table}
+    found = table | {key: columns for key, columns in names.items() if key in table}
+    if configuration.flow.potential.turns:
+        try:
+            moved = configuration.flow.potential.counted_from(origin)
+        except ValueError as error:
+            raise FileError(str(error)) from error
+        found["potential"] = moved.model_dump(mode="json", exclude_unset=True, exclude_none=True)
+    return found
 
 
 def _direction(

@@ -69,9 +69,11 @@ class Draw:
 
     def _second(self) -> float:
         """Where a log begins in its file's time, about, s: anywhere, if its times count from its own first second."""
-        if self.stated.configuration.timing.origin != "first" or any(rest.shows is None for rest in self.stated.rests):
+        configuration = self.stated.configuration
+        if configuration.timing.origin != "first" or any(rest.shows is None for rest in self.stated.rests):
             return 0.0
-        return float(self.draws.choice([0.0, 86_400.25]))
+        # Of a later second stamps in other units and delays are rounded by more than errors are from their bounds.
+        return float(self.draws.choice([0.0, 40.25]))
 
     def _signs(self) -> dict[str, float]:
         kind, draws = self.kinds["offsets"], self.draws
