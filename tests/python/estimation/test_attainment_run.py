@@ -14,7 +14,8 @@ from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.samples import angle_to_center
 from elliptude.configuration import Configuration
 from elliptude.configuration.references import sun_directions
-from elliptude.configuration.rules import _field_at_rest, apply_rule, hand_held
+from elliptude.configuration.rules import apply_rule, hand_held
+from elliptude.configuration.rules.at_start import field_at_rest, up_at_rest
 from elliptude.configuration.sensors import SunByTime
 from elliptude.estimation import guaranteed_run
 from elliptude.estimation.direction_rows import direction_rows
@@ -424,7 +425,8 @@ def test_the_reference_field_is_off_by_each_error_alone(parts):
     if tilt == 0.0:
         k, e = parts.get("magnetometer__scale_error", 0.0), parts.get("magnetometer__averaged_error_ut", 0.0)
         shown = FIELD * ((1.0 - k) * STRENGTH - e) / STRENGTH
-    reference, error = _field_at_rest(rule, times, np.tile(force, (401, 1)), times, np.tile(shown, (401, 1)))
+    up = up_at_rest(rule, times, np.tile(force, (401, 1)))
+    reference, error = field_at_rest(rule, up, times, np.tile(shown, (401, 1)))
     off = np.linalg.norm(reference - FIELD)
     assert 0.999 * error <= off <= error * (1.0 + 1e-9)
 

@@ -5,6 +5,7 @@ import functools
 import json
 import re
 import tomllib
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -427,7 +428,7 @@ def test_no_rest_a_magnetic_reference_from_medians(tmp_path):
 
 def test_the_rule_is_valid_toml():
     assert isinstance(hand_held(), rules.Rule)
-    assert tomllib.loads((rules.resources.files("elliptude") / "data/bounds/hand_held.toml").read_text())
+    assert tomllib.loads((resources.files("elliptude") / "data/bounds/hand_held.toml").read_text())
 
 
 def test_a_stamp_far_ahead_costs_no_memory():
