@@ -118,8 +118,7 @@ def apply_rule(
     gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest_interval)
     rest = rest_at_start(rule.rest, stamps, rates, forces, gyro)
     bias = mean_over_time(stamps[rest], rates[rest])
-    rates = rates - bias
-    gyro = after_rest(gyro, stamps[rest])
+    rates, gyro = rates - bias, after_rest(gyro, stamps[rest])
     step = min(10.0 * float(np.median(np.diff(stamps))), longest_interval)
     up_there = up_at_rest(rule, forces_at[rest], forces[rest])
 
