@@ -143,10 +143,10 @@ struct Tridiagonal {
       reflect<N>(v, weighted, t);
       reflect_columns<N - 1>(weighted, t);
     } else {
-      for (int size = N; size == N || size > 1; --size) {
-        const LoopedReflection<Scalar, N> reflection(size == N ? v : Vector<Scalar, N>(t.col(size)), size);
-        beside(size - 1) = reflection.image;
-        reflection.turn(size, t);
+      for (int turned = N; turned == N || turned > 1; --turned) {
+        const LoopedReflection<Scalar, N> reflection(turned == N ? v : Vector<Scalar, N>(t.col(turned)), turned);
+        beside(turned - 1) = reflection.image;
+        reflection.turn(turned, t);
         if (weighted) {
           reflection.turn(N, weight);
         }
