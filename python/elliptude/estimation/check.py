@@ -21,7 +21,7 @@ from elliptude.logs.body_at_rest import UpAtRest, up_in_log
 from elliptude.logs.log import Log, Samples
 from elliptude.logs.plausibility import Finding
 from elliptude.logs.signals.saturation import Saturation
-from elliptude.logs.signals.silence import silent_sensors
+from elliptude.logs.signals.silence import Stuck, stopped_sensors
 from elliptude.typing import FloatArray
 
 # In median steps: a longer step is a gap.
@@ -127,7 +127,10 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
             lasted = float(log.times[-1] - log.times[0]) if len(log.times) else 0.0
             too_long = suspicions.of_configured_duration(configuration, lasted)
             findings += [Finding("warning", one.sensor, f"suspicious: {one.message}") for one in too_long]
-            findings += [Finding("warning", name, said) for name, said in silent_sensors(samples, log)]
+            stuck = Stuck(configuration)
+            stuck.add(log)
+            silent = stopped_sensors(samples, log) + stuck.said()
+            findings += [Finding("warning", name, said) for name, said in silent]
             up = up_in_log(log, configuration)
             findings += _refused(log, configuration, findings)
     findings += [

@@ -36,6 +36,7 @@ from elliptude.logs.quaternion_readings import (
     slope,
 )
 from elliptude.logs.signals.saturation import Saturation
+from elliptude.logs.signals.silence import Stuck
 from elliptude.typing import FloatArray
 
 # T; the Earth's field at sea level.
@@ -146,11 +147,12 @@ def plausible_pieces(
     """
     waiting: list[Log] = []
     heard = Heard() if heard is None else heard
-    saturation, stated = Saturation(configuration), Stated(configuration)
+    saturation, stuck, stated = Saturation(configuration), Stuck(configuration), Stated(configuration)
     is_told = False
     begin = end = None
     for piece in pieces:
         saturation.add(piece)
+        stuck.add(piece)
         if len(piece.times):
             begin, end = piece.times[0] if begin is None else begin, piece.times[-1]
         if is_told:
@@ -165,6 +167,7 @@ def plausible_pieces(
         _require_plausible(joined(waiting), configuration, stated, name, heard)
         yield from waiting
     heard.suspicious += saturation.said()
+    heard.suspicious += [f"{sensor}: {said}" for sensor, said in stuck.said()]
     if begin is not None and end is not None:
         heard.suspicious += map(str, suspicions.of_configured_duration(configuration, float(end - begin)))
 

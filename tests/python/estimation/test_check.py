@@ -1,5 +1,6 @@
 """`elliptude check`, as typed: what it lists, and that it sees units, orders and signs that were stated wrongly."""
 
+import dataclasses
 import json
 import re
 import textwrap
@@ -83,6 +84,12 @@ def found(tmp_path, arrays=None, configuration=None):
     report = json.loads(done.stdout)
     assert report["good"] == (done.exit_code == 0)
     return report, [f"{one['severity']}: {one['sensor']}: {one['message']}" for one in report["findings"]]
+
+
+def rows_of(log, begin, end):
+    """A piece of a log."""
+    arrays = {name: value[begin:end] for name, value in vars(log).items() if isinstance(value, np.ndarray)}
+    return dataclasses.replace(log, **arrays)
 
 
 def test_a_log_without_faults(tmp_path):
@@ -325,6 +332,15 @@ def test_a_sensor_that_stops_or_gets_stuck(tmp_path, array, name):
     _, messages = found(tmp_path, arrays)
     said = f"warning: {name}: shows the same from row 1201 (12.000000 s) on, to its end (800 samples): is it stuck?"
     assert said in messages
+    # `estimate` says so too, and it is the same in pieces of any length.
+    log, configuration = tmp_path / "log.npz", read_configuration(tmp_path / "log.toml")
+    whole = read_log(log, configuration)
+    for lengths in ((2000,), (700, 700, 600), (1200, 800), (1199, 2, 799), (1,) * 2000):
+        heard, stops = plausibility.Heard(), np.cumsum(lengths)
+        ends = zip(stops - lengths, stops, strict=True)
+        pieces = [rows_of(whole, begin, end) for begin, end in ends]
+        list(plausibility.plausible_pieces(pieces, configuration, "log", heard))
+        assert said.removeprefix("warning: ") in heard.suspicious
     arrays = recording()
     arrays[array][1200:1500] = arrays[array][1200]
     _, messages = found(tmp_path, arrays)
