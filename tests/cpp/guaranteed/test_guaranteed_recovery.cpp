@@ -1,4 +1,6 @@
 // The guaranteed filter after what is wrong: what it keeps, when it gives up its past, and what it then claims.
+#include <cmath>
+
 #include <doctest/doctest.h>
 
 #include "support/filter_scene.hpp"
