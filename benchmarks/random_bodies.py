@@ -5,8 +5,8 @@ import math
 import numpy as np
 from random_draws import SMALLEST, Drawn, Tables, error_of, estimator, sensor_of, tracker
 
-# rad; of a direction that is known next to exactly.
-_NEXT_TO_NOTHING = 1e-9
+# rad; of an attitude that is known next to exactly: its edge is still as far away as rounding of the truth is not.
+_NEXT_TO_NOTHING = 1e-5
 
 
 def draw_body(of: Drawn) -> Tables:
