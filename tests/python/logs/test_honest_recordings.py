@@ -32,20 +32,9 @@ def drawn(seed, number, trial, folder):
     return logs.joined(list(logs.read_pieces(folder / "log.csv", configuration))), configuration
 
 
-@pytest.mark.parametrize(
-    ("number", "trial"),
-    [
-        (43, 0), (57, 0), (58, 0), (161, 1), (196, 1), (202, 1), (205, 1), (208, 1), (224, 1), (227, 1), (276, 1),
-        (291, 1),
-    ],
-)  # fmt: skip
-def test_what_was_refused(tmp_path, number, trial):
-    """Of 600 recordings: their gyros show constants within their noise, their directions what bounds allow."""
-    assert errors_of(*drawn(1, number, trial, tmp_path)) == []
-
-
-@pytest.mark.parametrize("first", range(0, 60, 6))
+@pytest.mark.parametrize("first", range(0, 90, 6))
 def test_drawn_recordings(tmp_path, first):
+    """Of 600 that an earlier benchmark drew 12 were refused, mostly for a gyro that shows constants in its noise."""
     for number in range(first, first + 6):
         try:
             log, configuration = drawn(3, number, 0, tmp_path)
