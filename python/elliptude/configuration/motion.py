@@ -43,7 +43,7 @@ EarthRate: TypeAlias = Literal["removed"]
 def require_earth_rate(
     earth_rate: EarthRate | None, gyro: GyroBounds, longest_window: float, *, place: str, since_rest: bool
 ) -> None:
-    """Refuse bounds of a gyro that the Earth's turn alone breaks, (18.59): bias and noise have to leave room for it.
+    """Refuse bounds of a gyro that the Earth's turn alone breaks, (18.62): bias and noise have to leave room for it.
 
     Parameters
     ----------
