@@ -38,7 +38,7 @@ def test_every_bound_of_a_loop_is_on_the_page() -> None:
 
 def test_the_limits_are_those_of_the_header() -> None:
     header = (CORE / "base" / "limits.hpp").read_text(encoding="utf-8")
-    defaults = dict(re.findall(r"#define (ELLIPTUDE_MOST_\w+) (.+)", header))
+    defaults = dict(re.findall(r"#define (ELLIPTUDE_(?:MOST|ONLY)_\w+) (.+)", header))
     stated = {row[0].strip("`"): row[2].replace(",", "") for row in table_of("Limits")}
     assert stated.keys() == defaults.keys()
     assert defaults.pop("ELLIPTUDE_MOST_QUADRICS") == "(ELLIPTUDE_MOST_DIRECTIONS + 8)"

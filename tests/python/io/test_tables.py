@@ -273,7 +273,7 @@ def test_no_such_file(tmp_path):
     for path in (tmp_path / "none.csv", tmp_path / "none.parquet"):
         with pytest.raises(FileError, match="no such file"):
             read(path)
-    with pytest.raises(FileError, match="not a regular file"):
+    with pytest.raises(FileError, match="a folder, where a table is needed"):
         read(tmp_path)
 
 

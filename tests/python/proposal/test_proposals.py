@@ -328,7 +328,7 @@ def test_first_order_from_a_users_csv_to_results(tmp_path):
     log, config, out = write_csv(tmp_path / "log.csv", HEADER), tmp_path / "config.toml", tmp_path / "out"
     done = run(log, "--mode", "first_order", "--out", config)
     assert done.exit_code == 0, done.output
-    assert "gyro: Gyroscope X (deg/s), Gyroscope Y (deg/s), Gyroscope Z (deg/s) (deg/s)" in done.output
+    assert "gyro: Gyroscope X, Gyroscope Y, Gyroscope Z (deg/s)" in done.output
     proposed = proposals.propose(dataclasses.replace(made(), attitudes=None))
     written = tomllib.loads(config.read_text())
     noise = proposed.gyro.noise.maximum + proposed.gyro.bias_spread.maximum
