@@ -188,7 +188,8 @@ def test_up_is_within_its_bound_whatever_the_motion(seed):
             assert (errors <= found.angles)[np.isfinite(found.angles)].all()
             assert np.isfinite(found.angles).sum() > 400
             wider = up_over(times, shown, rates, duration, **(stated | {"time_offset_change": np.inf}))
-            assert (found.angles <= wider.angles * (1.0 + 1e-12))[np.isfinite(found.angles)].all()
+            # Not so the angles, as another mean may have the smaller radius.
+            assert (found.radii <= wider.radii * (1.0 + 1e-12))[np.isfinite(found.angles)].all()
 
 
 def test_next_to_gaps_and_ends_lengths_count():
