@@ -302,7 +302,7 @@ template <int First, bool symmetric, typename A, typename B, typename Product>
 void put_product(const A& a, const B& b, Product& product) noexcept {
   constexpr int rows = A::RowsAtCompileTime;
   constexpr int size = rows == Eigen::Dynamic ? rows : rows_at_a_time<typename A::Scalar, symmetric>(rows - First);
-  put_rows_of_product<size>(a, b, First, symmetric ? First : 0, product);
+  put_rows_of_product<size>(a, b, First, symmetric ? First : 0, product);  // NOLINT(bugprone-branch-clone): First is 0
   if constexpr (rows != Eigen::Dynamic && First + size < rows) {
     put_product<First + size, symmetric>(a, b, product);
   }

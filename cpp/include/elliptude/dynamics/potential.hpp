@@ -95,7 +95,7 @@ struct FreeBody {
 template <typename Potential>
 constexpr bool has_torque = true;
 template <typename Scalar>
-constexpr bool has_torque<FreeBody<Scalar>> = false;
+constexpr bool has_torque<FreeBody<Scalar>> = false;  // NOLINT(misc-definitions-in-headers): a template
 
 /// Uniform gravity on a body held at a point, the 3D pendulum: U = −m g e₃ᵀCρ. The third reference axis points down.
 /// M = m g ρ × Cᵀe₃, ∂M/∂ζ = m g S(ρ) S(Cᵀe₃).
