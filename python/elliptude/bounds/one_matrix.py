@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude.bounds.gyro import GyroBounds, scale_effects
+from elliptude.bounds.second_order import ROUNDED_NORM, SecondOrder, crossed
 from elliptude.bounds.turns import lengths_of, running_sum
 from elliptude.bounds.window_averages import Average, Piece, Window, weighted, weighted_whole
 from elliptude.typing import FloatArray
@@ -19,19 +20,8 @@ _EPSILON = float(np.finfo(np.float64).eps)
 # that is smaller by this cosine.
 _DIRECTIONS = 8
 _POLYGON = math.cos(0.5 * math.pi / _DIRECTIONS)
-# Cofactors and determinants in `nuclear_norms` may be off by some rounding of their size, which counts with its root.
-_ROUNDED_NORM = 1.0 + 1e-6
-# Second order is bounded by a q + b q² for each of these b, with an a that follows. With 3/4 the bound needs no a.
-_CURVATURES = (0.0, 0.1, 0.3, 0.5)
-_WHOLE_CURVATURE = 0.75
-# A cell of the second order is this long, s, or this share of the longest window.
-_LEAST_CELL = 0.1
-_SHARE_OF_LONGEST = 1.0 / 120.0
-
-
-def cell_length(longest: float) -> float:
-    """The length of the cells in which products of errors are bounded, s."""
-    return max(_LEAST_CELL, _SHARE_OF_LONGEST * longest)
+# Products are worked out one by one where they may be more than this share of the bound.
+_WORTH = 0.005
 
 
 def nuclear_norms(matrices: FloatArray) -> FloatArray:
@@ -52,7 +42,7 @@ def nuclear_norms(matrices: FloatArray) -> FloatArray:
     norms: FloatArray = np.sqrt(3.0 * squares)
     for _ in range(3):
         norms = np.sqrt(squares + 2.0 * np.sqrt(of_cofactors + 2.0 * determinants * norms))
-    return norms * _ROUNDED_NORM
+    return norms * ROUNDED_NORM
 
 
 class OneMatrix:
@@ -63,13 +53,9 @@ class OneMatrix:
     piece : Piece
     gyro : GyroBounds
         With a scale error.
-    reach : float
-        How far windows reach from their rows at most, s.
-    cell : float
-        From `cell_length`.
     """
 
-    def __init__(self, piece: Piece, gyro: GyroBounds, reach: float, cell: float) -> None:
+    def __init__(self, piece: Piece, gyro: GyroBounds) -> None:
         self._piece, self._gyro = piece, gyro
         # ω̃ - ω = K' ω̃ + (I - K')(b + v), K' = K (I + K)⁻¹, as in (18.13).
         self._scale, self._other = gyro.scale_error / (1.0 - gyro.scale_error), 1.0 / (1.0 - gyro.scale_error)
@@ -80,16 +66,14 @@ class OneMatrix:
         # What is off without the matrix, noise apart; of the bias 1/(1 - k) as much counts as of the frame.
         biased = running_sum(frame.steps, gyro.bias + gyro.drift * frame.since_known)
         self._biased = biased[rows] + piece.apart / self._other
-        self._pushed = running_sum(steps, _crossed(self._effects, piece.carried).reshape(-1, 27))
+        self._pushed = running_sum(steps, crossed(self._effects, piece.carried).reshape(-1, 27))
         # q: what the matrix would turn if all its effects had one direction.
         self._straight = self._scale * piece.turned
         lengths = lengths_of(piece.carried)
-        averaged = np.column_stack([self._biased, self._chords, self._straight, self._straight**2])
-        self._once = running_sum(steps, lengths[:, None] * averaged)
-        cells = np.floor(piece.since_known / cell)
-        self._nodes = np.concatenate([[0], np.flatnonzero(np.diff(cells)) + 1, [len(cells) - 1]])
-        self._attitudes_at_nodes, self._effects_at_nodes = piece.attitudes[self._nodes], self._effects[self._nodes]
-        self._growth = self._growth_to_cells(math.ceil(reach / cell) + 2)
+        turned = self._straight
+        averaged = [self._biased, self._chords, turned, turned**2, turned**3, piece.apart, piece.apart * turned]
+        self._once = running_sum(steps, lengths[:, None] * np.column_stack(averaged))
+        self._second_order = SecondOrder(steps, self._effects, piece.carried)
 
     @cached_property
     def _pushed_twice(self) -> FloatArray:
@@ -101,7 +85,9 @@ class OneMatrix:
         """The sums of `_once`, likewise."""
         return running_sum(self._piece.steps, self._once)
 
-    def turns(self, window: Window, average: Average, indices: NDArray[np.intp], *, triangular: bool) -> FloatArray:
+    def turns(
+        self, window: Window, average: Average, indices: NDArray[np.intp], below: FloatArray, *, triangular: bool
+    ) -> FloatArray:
         """Bounds as `Average.turn` of what the gyro and the stamps do to means, (18.36).
 
         Parameters
@@ -112,6 +98,8 @@ class OneMatrix:
             Over these windows.
         indices : (m,) array
             Of the windows to bound.
+        below : (m,) array
+            A bound that is not below this need not be as small as it could be, as another window's is better.
         triangular : bool
             Which weights these are.
 
@@ -126,7 +114,7 @@ class OneMatrix:
         inward = average.rising[indices] - average.falling[indices]
         outward = (falling - rising).T
         biased, chords = self._biased[of.row] * inward + outward[0], self._chords[of.row] * inward + outward[1]
-        effects = self._mean_push(of, triangular=triangular) - _crossed(self._effects.take(of.row, axis=0), mean)
+        effects = self._mean_push(of, triangular=triangular) - crossed(self._effects.take(of.row, axis=0), mean)
         swept, spanned = average.swept[indices], average.spanned[indices]
         pieces = average.pieces[indices] + average.lost[indices]
         biased *= self._other
@@ -134,118 +122,67 @@ class OneMatrix:
         truly_swept = (1.0 + self._scale) * swept + biased + self._other * gyro.noise * spanned
         longest = np.maximum(of.before, of.after) + 2.0 * self._piece.away
         noise = gyro.noise_angle(spanned, truly_swept, longest, pieces)
-        second = self._second_order_bounds(of, average, indices, rising + falling)
         # To body axes of the rows, so that nothing depends on where the piece begins.
         to_body = self._piece.attitudes.take(of.row, axis=0).transpose(0, 2, 1)
         push = _largest_push(to_body @ effects, (to_body @ mean[:, :, None])[:, :, 0])
-        # The matrix acts in the carried frame, which is no further off than over the whole window.
-        apart = (self._piece.apart[of.stop] - self._piece.apart[of.start]) * swept
-        turns: FloatArray = self._scale * (push + chords + apart) + noise + biased
-        by_stamps = self._piece.by_stamps_of_frame(of, average, indices, triangular=triangular)
-        return turns + second + by_stamps + self._rounding(of, average, indices)
+        square, cube, apart = self._mean_products(of, average, indices, rising, falling)
+        integrated = self._scale * chords + apart
+        turns: FloatArray = self._scale * push + integrated + noise + biased
+        turns += self._piece.by_stamps_of_frame(of, average, indices, triangular=triangular)
+        entries = self._entries_lost(of, average, indices)
+        turns += self._rounding(of, average, indices, entries)
+        second = 0.75 * square
+        some = np.flatnonzero((turns < below) & (second > _WORTH * below))
+        if len(some):
+            lost = np.column_stack([average.share[indices], entries])[some]
+            near, row = of.take(some), self._straight[of.row]
+            products = self._second_order.bounds(near, mean[some], effects[some], lost, triangular=triangular)
+            farthest = np.maximum(self._straight[of.stop] - row, row - self._straight[of.start])
+            integrated += 64.0 * self._scale * entries * self._piece.turned[of.stop]
+            others = 3.0 * (self._scale + farthest) * integrated + cube / 6.0
+            second[some] = np.minimum(second[some], self._scale**2 * products + others[some])
+        return turns + second
 
     def _mean_push(self, window: Window, *, triangular: bool) -> FloatArray:
         """The weighted means of the effects crossed with what is averaged, as `weighted`, shape (m, 3, 9)."""
         means = weighted_whole(self._pushed, self._pushed_twice if triangular else None, window)
         return means.reshape(-1, 3, 9)
 
-    def _rounding(self, window: Window, average: Average, indices: NDArray[np.intp]) -> FloatArray:
+    def _entries_lost(self, window: Window, average: Average, indices: NDArray[np.intp]) -> FloatArray:
+        """What the mean of a number may lose by rounding that each row of the window adds an epsilon to."""
+        turned, rows = self._piece.turned, self._piece.rows
+        steps: FloatArray = rows[window.stop] - rows[window.start] + 1.0 + turned[window.stop] - turned[window.start]
+        lost: FloatArray = average.lost[indices] + _EPSILON * steps * average.length[indices]
+        return lost
+
+    def _rounding(self, window: Window, average: Average, indices: NDArray[np.intp], entries: FloatArray) -> FloatArray:
         """What rounding may add, as in section 18.2: to the 27 numbers of the effects, and to both bounds."""
-        turned, rows, stop = self._piece.turned, self._piece.rows, window.stop
-        steps = rows[stop] - rows[window.start] + 1.0 + turned[stop] - turned[window.start]
-        entry = (average.lost[indices] + _EPSILON * steps * average.length[indices]) * turned[stop]
+        stop = window.stop
         bounds = self._other * self._biased[stop] + self._scale * self._chords[stop]
-        rounding: FloatArray = 64.0 * self._scale * entry + 3.0 * average.lost[indices] * bounds
-        return rounding
+        rounding: FloatArray = 64.0 * self._scale * entries * self._piece.turned[stop]
+        return rounding + 3.0 * average.lost[indices] * bounds
 
-    def _second_order_bounds(
-        self, window: Window, average: Average, indices: NDArray[np.intp], means: FloatArray
-    ) -> FloatArray:
-        """Bounds of what is of second order, from the means of q and q² times the lengths, (18.39)."""
-        once = self._scale * average.swept[indices]
-        at_row = self._straight[window.row]
-        square = means[:, 3] - 2.0 * at_row * means[:, 2] + at_row**2 * average.length[indices]
-        # Four such terms, each off by what a mean may lose, and the sums of q themselves.
-        square = np.maximum(square, 0.0) + 8.0 * average.lost[indices] * self._straight[window.stop] ** 2
-        row, start, stop = (self._cells(rows) for rows in (window.row, window.start, window.stop))
-        last = self._growth.shape[2] - 1
-        second = _WHOLE_CURVATURE * square
-        within = np.maximum(row - start, stop - row) <= last
-        for curvature, (before, after) in zip(_CURVATURES, self._growth, strict=True):
-            growth = np.maximum(before[np.minimum(row - start, last), row], after[np.minimum(stop - row, last), row])
-            second = np.where(within, np.minimum(second, growth * once + curvature * square), second)
-        return second
+    def _mean_products(
+        self, window: Window, average: Average, indices: NDArray[np.intp], rising: FloatArray, falling: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The means of q², of q³, and of q times how far the carried frame is off, each times the lengths.
 
-    def _cells(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
-        """The cell that each row is in."""
-        cells: NDArray[np.intp] = np.searchsorted(self._nodes[1:-1], rows, side="right")
-        return cells
-
-    def _growth_to_cells(self, farthest: int) -> FloatArray:
-        """For each curvature the a of (18.39) from any row of a cell to as many cells before, and after.
-
-        Shape (curvatures, 2, how many cells away, cells).
+        All of these count from the row.
         """
-        nodes, count = self._nodes, len(self._nodes) - 1
-        straight = self._straight[nodes]
-        in_cell = np.diff(straight)
-        farthest = min(farthest, count - 1)
-        at_nodes = [self._turn_between_nodes(away) for away in range(min(farthest + 1, count) + 1)]
-        growth = np.full((len(_CURVATURES), 2, farthest + 1, count), np.inf)
-        along_before, along_after = np.zeros(count), np.zeros(count)
-        for away in range(farthest + 1):
-            near, far = slice(0, count - away), slice(away, count)
-            between = self._turn_between_cells(at_nodes, away)
-            along_after[near] += between * in_cell[far]
-            along_before[far] += between * in_cell[near]
-            most = straight[away + 1 :] - straight[near]
-            least = straight[away:count] - straight[1 : count - away + 1] if away else np.zeros(count)
-            for side, along, cells in ((0, along_before, far), (1, along_after, near)):
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    share = 0.5 * along[cells] / least + 0.5 * between * np.minimum(1.0, between / least)
-                for i, curvature in enumerate(_CURVATURES):
-                    growth[i, side, away, cells] = np.fmin(
-                        (_WHOLE_CURVATURE - curvature) * most, share - curvature * least
-                    )
-        return np.maximum.accumulate(growth, axis=2)
-
-    def _turn_between_nodes(self, away: int) -> FloatArray:
-        """Bounds of the turn by the scale error from nodes to those so many further on, rad."""
-        nodes = self._nodes
-        near, far = slice(0, len(nodes) - away), slice(away, None)
-        first, last = nodes[near], nodes[far]
-        # In the body axes at the first node, so that nothing depends on where the piece begins.
-        effects = self._attitudes_at_nodes[near].transpose(0, 2, 1) @ (
-            self._effects_at_nodes[far] - self._effects_at_nodes[near]
+        row, stop = self._straight[window.row], self._straight[window.stop]
+        lengths, lost = average.length[indices], average.lost[indices]
+        (once, twice, _, apart, product), outward = (rising + falling)[:, 2:].T, (falling - rising)[:, 2:].T
+        inward = average.rising[indices] - average.falling[indices]
+        square = twice - 2.0 * row * once + row**2 * lengths
+        cube = outward[2] - 3.0 * row * outward[1] + 3.0 * row**2 * outward[0] + row**3 * inward
+        off = self._piece.apart[window.row]
+        product = product - off * once - row * apart + off * row * lengths
+        # Four such terms, or eight, each off by what a mean may lose, and the sums of q themselves.
+        return (
+            np.maximum(square, 0.0) + 8.0 * lost * stop**2,
+            np.maximum(cube, 0.0) + 16.0 * lost * stop**3,
+            np.maximum(product, 0.0) + 8.0 * lost * stop * self._piece.apart[window.stop],
         )
-        by_row = np.ascontiguousarray(effects.reshape(-1, 3, 3, 3).transpose(2, 3, 1, 0))
-        by_rows = lengths_of(nuclear_norms(by_row).T)
-        # The largest of three numbers is within √2 standard deviations of their mean.
-        squares = effects @ effects.transpose(0, 2, 1)
-        middle = np.trace(squares, axis1=1, axis2=2) / 3.0
-        spread = np.einsum("nij,nij->n", squares, squares) / 3.0 - middle**2
-        together = np.sqrt(3.0 * (middle + np.sqrt(2.0 * np.maximum(spread, 0.0)))) * _ROUNDED_NORM
-        # Rounding of the sums as in 18.2; it is nothing beside the turns.
-        turned, apart = self._piece.turned, self._piece.apart
-        others = (
-            64.0 * _EPSILON * (self._piece.rows[last] + 1.0) * turned[last] + self._chords[last] - self._chords[first]
-        )
-        others += (apart[last] - apart[first]) * (turned[last] - turned[first])
-        turns: FloatArray = self._scale * (np.minimum(by_rows, together) + others)
-        return turns
-
-    def _turn_between_cells(self, at_nodes: list[FloatArray], away: int) -> FloatArray:
-        """Bounds of the turn by the scale error between any rows of cells so many apart, (18.38), rad."""
-        count = len(self._nodes) - 1
-        turned = self._piece.turned[self._nodes]
-        inner = at_nodes[away - 1][1 : count - away + 1] if away else at_nodes[1][:count]
-        middle = at_nodes[away]
-        corners = 0.25 * (middle[: count - away] + middle[1 : count - away + 1] + at_nodes[away + 1] + inner)
-        in_cell = np.diff(turned)
-        corners += 0.5 * self._scale * (in_cell[: count - away] + in_cell[away:])
-        swept = turned[away + 1 :] - turned[: count - away]
-        turn: FloatArray = np.minimum(corners, self._scale * swept)
-        return turn
 
 
 def _largest_push(effects: FloatArray, means: FloatArray) -> FloatArray:
@@ -273,11 +210,3 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """`numpy.cross` of vectors (n, 3) to the last bit, in a third of its time."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
-
-
-def _crossed(effects: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Each column of matrices (n, 3, 9), crossed with a vector (n, 3) from the right."""
-    x, y, z = vectors.T[:, :, None]
-    a, b, c = effects[:, 0], effects[:, 1], effects[:, 2]
-    crossed: FloatArray = np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1)
-    return crossed

@@ -20,16 +20,13 @@ Place = Literal["end", "middle"]
 """Where in its window a row lies."""
 
 
-def blocks(times: FloatArray, longest: float, at: Place, more: float = 0.0) -> Iterator[tuple[slice, slice]]:
-    """Rows in pieces, each with the rows that its windows reach, so that memory and running sums stay bounded.
-
-    In the middle a piece has rows on both sides for a time ``more`` beyond that.
-    """
+def blocks(times: FloatArray, longest: float, at: Place) -> Iterator[tuple[slice, slice]]:
+    """Rows in pieces, each with the rows that its windows reach, so that memory and running sums stay bounded."""
     for start in range(0, len(times), _BLOCK_ROWS):
         stop = min(start + _BLOCK_ROWS, len(times))
         reach = longest * (1.0 + 1e-6)
         # Next to the ends of a recording a window about its row reaches its whole length to one side.
-        before, after = (reach + more, reach + more) if at == "middle" else (reach, 0.0)
+        before, after = (reach, reach) if at == "middle" else (reach, 0.0)
         first = int(np.searchsorted(times, times[start] - before))
         last = int(np.searchsorted(times, times[stop - 1] + after, side="right"))
         yield slice(start, stop), slice(first, last)

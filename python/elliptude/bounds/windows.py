@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from elliptude.bounds.arguments import increasing_times, require_not_negative, vector_rows
 from elliptude.bounds.carried_frame import CarriedFrame
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.bounds.one_matrix import OneMatrix, cell_length
+from elliptude.bounds.one_matrix import OneMatrix
 from elliptude.bounds.samples import (
     EXACT_SENSOR,
     DirectionBounds,
@@ -336,8 +336,8 @@ def _over_windows(
     best = _Best(count, magnitude - magnitude_error, magnitude + magnitude_error)
     errors = _Errors.of(sensor)
     # About a row a scale error that is one matrix undoes a part of what it does; section 18.12.
-    undoes, cell = at == "middle" and gyro.scale_error > 0.0, cell_length(max(durations))
-    for block, needed in blocks(own[samples], max(durations), at, 2.0 * cell if undoes else 0.0):
+    undoes = at == "middle" and gyro.scale_error > 0.0
+    for block, needed in blocks(own[samples], max(durations), at):
         first, stop = measured[needed][0], measured[needed][-1] + 1
         carrying = of_gyro[first:stop]
         frame = CarriedFrame(stamps[carrying], rates[carrying], gaps[first : stop - 1], gyro, stamps[0])
@@ -347,7 +347,7 @@ def _over_windows(
             away=float(np.abs(own - stamps)[there].max()), across_gaps=across_gaps,
         )  # fmt: skip
         reach = 0.5 * max(durations)
-        matrix = OneMatrix(piece, gyro, reach, cell) if undoes else None
+        matrix = OneMatrix(piece, gyro) if undoes else None
         here = np.flatnonzero(there % every == 0)
         here = here[(here >= block.start - needed.start) & (here < block.stop - needed.start)]
         wanted = there[here]
@@ -363,7 +363,8 @@ def _over_windows(
                     is_near = np.maximum(window.before, window.after) <= reach * (1.0 + 1e-6)
                     worth = np.flatnonzero(is_near & (others + average.by_stamps < np.fmin(best.radii[wanted], radius)))
                     for some in np.array_split(worth, -(-len(worth) // _AT_ONCE)) if len(worth) else ():
-                        by_turns = matrix.turns(window, average, some, triangular=i > 0)
+                        below = np.fmin(best.radii[wanted[some]], radius[some]) - others[some]
+                        by_turns = matrix.turns(window, average, some, below, triangular=i > 0)
                         radius[some] = np.fmin(radius[some], by_turns + others[some])
                 best.take(wanted, window, average, radius)
         # From the common frame to the body axes of each row.

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from elliptude.bounds.carried_frame import CarriedFrame
-from elliptude.bounds.gyro import GyroBounds
-from elliptude.bounds.one_matrix import OneMatrix, cell_length, nuclear_norms
+from elliptude.bounds.gyro import GyroBounds, scale_effects
+from elliptude.bounds.one_matrix import OneMatrix, nuclear_norms
+from elliptude.bounds.second_order import SecondOrder
 from elliptude.bounds.stamps import OffsetTurns
 from elliptude.bounds.window_averages import Piece, weighted
 from elliptude.bounds.windows import MotionBounds, field_bounds_over_windows, gravity_bounds_over_windows
@@ -40,11 +41,10 @@ def true_attitudes(times, rates, matrix, added=0.0):
     return carried(np.diff(times)[:, None] * ((means - added) @ (np.eye(3) - matrix).T))
 
 
-def parts(times, rates, gyro, duration, vectors):
+def parts(times, rates, gyro, vectors):
     frame = CarriedFrame(times, rates, np.zeros(len(times) - 1, dtype=bool), gyro, times[0])
     piece = Piece(frame, np.arange(len(times)), times, vectors, OffsetTurns.any_way(np.zeros(len(times))), gyro)
-    matrix = OneMatrix(piece, gyro, 0.5 * duration, cell_length(duration))
-    return piece, matrix
+    return piece, OneMatrix(piece, gyro)
 
 
 def of_matrix(k):
@@ -92,7 +92,7 @@ def test_the_worst_matrix_comes_to_the_edge(seed):
     times, rates = shown_rates(1001, 1.0, seed)
     gyro = GyroBounds(0.0, scale_error=k)
     still = carried(np.diff(times)[:, None] * 0.5 * (rates[1:] + rates[:-1]))
-    piece, matrix = parts(times, rates, gyro, duration, still.inv().apply(G * UP))
+    piece, matrix = parts(times, rates, gyro, still.inv().apply(G * UP))
     wrong = worst_matrix(piece, matrix, piece.window(np.array([row]), duration, "middle"), row, k)
     true = true_attitudes(times, rates, wrong)
     bounds = gravity_bounds_over_windows(
@@ -167,10 +167,10 @@ def test_what_is_left_where_the_first_order_cancels():
     vector = np.array([1.0, 0.0, 1.0]) / np.sqrt(2.0)
     shown = Rotation.from_rotvec((times - times[row])[:, None] * rates)
     vectors = shown.inv().apply(vector)
-    piece, matrix = parts(times, rates, GyroBounds(0.0, scale_error=k), duration, vectors)
+    piece, matrix = parts(times, rates, GyroBounds(0.0, scale_error=k), vectors)
     window = piece.window(np.array([row]), duration, "middle")
     average = list(piece.averages(window, triangular=True))[1]
-    bound = matrix.turns(window, average, np.array([0]), triangular=True)[0]
+    bound = matrix.turns(window, average, np.array([0]), average.turn, triangular=True)[0]
     true = Rotation.from_rotvec((1.0 - of_matrix(k)) * (times - times[row])[:, None] * rates)
     weights = np.maximum(1.0 - np.abs(times - times[row]) / (0.5 * duration), 0.0)
     off = weights / weights.sum() @ (shown.apply(vectors) - true.apply(vectors))
@@ -208,7 +208,7 @@ def test_effects_against_direct_sums(duration, triangular):
     draws = np.random.default_rng(5)
     times = np.cumsum(draws.uniform(0.004, 0.012, 700))
     rates, vectors = draws.standard_normal((2, 700, 3))
-    piece, matrix = parts(times, rates, GyroBounds(0.01, scale_error=0.02), duration, vectors)
+    piece, matrix = parts(times, rates, GyroBounds(0.01, scale_error=0.02), vectors)
     row = 330
     window = piece.window(np.array([row]), duration, "middle")
     average = list(piece.averages(window, triangular=True))[int(triangular)]
@@ -232,50 +232,115 @@ def test_effects_against_direct_sums(duration, triangular):
     np.testing.assert_allclose(effects @ wrong.ravel(), pushed, rtol=0.05, atol=1e-4 * np.abs(pushed).max())
 
 
-def second_order_of(matrix, piece, row, duration, *, triangular):
-    """The bound of second order of one window, with all that goes into it."""
-    window = piece.window(np.array([row]), duration, "middle")
+@pytest.mark.parametrize("triangular", [True, False])
+def test_powers_of_a_turn_about_one_axis_in_closed_form(triangular):
+    """q grows with the time to the row; what the frame is off, too, where the axis moves evenly."""
+    k, row = 0.02, 900
+    times = STEP * np.arange(1801)
+    phases = 2.0 * times
+    rates = 3.0 * np.column_stack([np.cos(phases), np.sin(phases), np.zeros_like(times)])
+    piece, matrix = parts(times, rates, GyroBounds(0.0, scale_error=k), np.tile(G * UP, (1801, 1)))
+    window = piece.window(np.array([row]), 4.0, "middle")
     average = list(piece.averages(window, triangular=True))[int(triangular)]
     rising, falling = weighted(matrix._once, matrix._twice if triangular else None, window)
-    return window, matrix._second_order_bounds(window, average, np.array([0]), rising + falling)[0]
+    square, cube, apart = matrix._mean_products(window, average, np.array([0]), rising, falling)
+    rate = of_matrix(k) * 3.0
+    in_step = STEP**2 / 12.0 * 9.0 * np.sin(2.0 * STEP) / STEP
+    means = (4.0 / 6.0, 8.0 / 10.0) if triangular else (4.0 / 3.0, 8.0 / 4.0)
+    assert square[0] == pytest.approx(G * means[0] * rate**2, rel=1e-3)
+    assert cube[0] == pytest.approx(G * means[1] * rate**3, rel=1e-3)
+    assert apart[0] == pytest.approx(G * means[0] * rate * in_step, rel=1e-3)
 
 
-@pytest.mark.parametrize("speed", [0.5, 8.0])
-@pytest.mark.parametrize("moves", ["always", "before", "after"])
-def test_second_order_is_above_sums_over_all_samples(speed, moves):
-    """(18.39) row by row, with the largest turns of many matrices instead of bounds over all."""
-    times, rates = shown_rates(1201, speed, 11)
-    if moves != "always":
-        rates[slice(600, None) if moves == "before" else slice(600)] = 0.0
-    k = 0.02
-    piece, matrix = parts(times, rates, GyroBounds(0.015, scale_error=k), 4.0, np.tile(G * UP, (1201, 1)))
-    draws = np.random.default_rng(2)
-    wrong = of_matrix(k) * Rotation.random(200, rng=draws).as_matrix().reshape(-1, 9)
-    straight = of_matrix(k) * piece.turned
-    for row in (405, 600, 731) if moves == "always" else (600,):
-        window, bound = second_order_of(matrix, piece, row, 4.0, triangular=True)
-        total = 0.0
-        for side in (np.arange(row, window.stop[0] + 1), np.arange(row, window.start[0] - 1, -1)):
-            turns = np.linalg.norm((matrix._effects[side] - matrix._effects[row]) @ wrong.T, axis=1).max(axis=1)
-            away = np.abs(straight[side] - straight[row])
-            products = np.concatenate([[0.0], np.cumsum(0.5 * (turns[1:] + turns[:-1]) * np.diff(away))])
-            shares = 0.5 * products + 0.5 * turns**2
-            weights = 1.0 - np.abs(times[side] - times[row]) / 2.0
-            total += G * np.trapezoid(weights * shares, np.abs(times[side] - times[row])) / 2.0
-        assert total <= bound
-        assert bound <= 2.0 * total
+def turns_of(piece, gyro, row, duration):
+    """The bound over one window with a triangle's weights."""
+    window = piece.window(np.array([row]), duration, "middle")
+    average = list(piece.averages(window, triangular=True))[1]
+    return OneMatrix(piece, gyro).turns(window, average, np.array([0]), average.turn, triangular=True)[0]
 
 
-@pytest.mark.parametrize("triangular", [True, False])
-def test_second_order_of_a_turn_about_one_axis_in_closed_form(triangular):
-    """Three quarters of the mean of q², where the error keeps to one way: q grows with the time to the row."""
-    k, speed, row = 0.02, 3.0, 700
-    times = STEP * np.arange(1401)
-    rates = np.tile([0.0, speed, 0.0], (1401, 1))
-    piece, matrix = parts(times, rates, GyroBounds(0.0, scale_error=k), 4.0, np.tile(G * UP, (1401, 1)))
-    _, bound = second_order_of(matrix, piece, row, 4.0, triangular=triangular)
-    square = 4.0 / 6.0 if triangular else 4.0 / 3.0
-    assert bound == pytest.approx(0.75 * G * square * (of_matrix(k) * speed) ** 2, rel=1e-3)
+def triangle_mean(times, row, duration, values):
+    """The mean of values by the trapezoidal rule twice, for even steps."""
+    weights = np.maximum(1.0 - np.abs(times - times[row]) / (0.5 * duration), 0.0)
+    return weights @ values / weights.sum()
+
+
+def test_an_error_that_keeps_to_one_way_comes_near_the_edge():
+    """Rounds about one axis: before and after the row undo one another, and half of q² is left, of three quarters."""
+    k, row = 0.01, 500
+    times = STEP * np.arange(1001)
+    rates = np.tile([0.0, 0.0, 30.0], (1001, 1))
+    frames = Rotation.from_rotvec((times - times[row])[:, None] * rates)
+    vectors = frames.inv().apply(np.tile([G, 0.0, 0.0], (1001, 1)))
+    gyro = GyroBounds(0.0, scale_error=k)
+    piece, _ = parts(times, rates, gyro, vectors)
+    bound = turns_of(piece, gyro, row, 4.0)
+    true = Rotation.from_rotvec((1.0 - of_matrix(k)) * (times - times[row])[:, None] * rates)
+    off = triangle_mean(times, row, 4.0, frames.apply(vectors) - true.apply(vectors))
+    assert 0.5 * bound <= np.linalg.norm(off) <= bound
+
+
+def test_third_order_and_what_steps_leave_are_in_the_bound(monkeypatch):
+    """Each by itself, in closed form or against a sum over rows: what is missing if it is taken for nothing."""
+    k, row, duration = 0.02, 60, 4.0
+    times = 0.05 * np.arange(121)
+    phases = 3.0 * times
+    rates = 8.0 * np.column_stack([np.cos(phases), np.sin(phases), np.zeros_like(times)])
+    gyro = GyroBounds(0.0, scale_error=k)
+    piece, matrix = parts(times, rates, gyro, np.tile(G * UP, (121, 1)))
+    monkeypatch.setattr("elliptude.bounds.second_order.SecondOrder.bounds", lambda *_, **__: np.zeros(1))
+    whole = turns_of(piece, gyro, row, duration)
+    away = np.abs(times - times[row])
+    straight = of_matrix(k) * 8.0 * away
+    chords = of_matrix(k) * np.abs(matrix._chords - matrix._chords[row])
+    apart = np.abs(piece.apart - piece.apart[row]) * straight
+    third = triangle_mean(times, row, duration, G * straight**3) / 6.0
+
+    def without(change):
+        with monkeypatch.context() as patch:
+            change(patch)
+            return whole - turns_of(piece, gyro, row, duration)
+
+    def no_chords(patch):
+        patch.setattr(
+            "elliptude.bounds.one_matrix.scale_effects",
+            lambda *arguments: (scale_effects(*arguments)[0], np.zeros(len(times))),
+        )
+
+    products = OneMatrix._mean_products
+
+    def no_power(which):
+        def change(patch):
+            patch.setattr(
+                OneMatrix, "_mean_products",
+                lambda *arguments: tuple(
+                    0.0 * one if i == which else one for i, one in enumerate(products(*arguments))
+                ),
+            )  # fmt: skip
+
+        return change
+
+    share = 1.0 + 3.0 * (of_matrix(k) + of_matrix(k) * 8.0 * 0.5 * duration)
+    assert without(no_chords) == pytest.approx(share * triangle_mean(times, row, duration, G * chords), rel=0.02)
+    assert without(no_power(2)) == pytest.approx(share * triangle_mean(times, row, duration, G * apart), rel=0.02)
+    assert without(no_power(1)) == pytest.approx(third, rel=0.02)
+
+
+def test_products_count_with_the_square_of_the_scale_error(monkeypatch):
+    times, rates = shown_rates(1001, 6.0, 4)
+    gyro = GyroBounds(0.0, scale_error=0.02)
+    piece, _ = parts(times, rates, gyro, carried(STEP * rates[1:]).inv().apply(G * UP))
+    whole = turns_of(piece, gyro, 500, 3.0)
+    found = SecondOrder.bounds
+    products = []
+
+    def nothing(*arguments, **named):
+        products.append(found(*arguments, **named))
+        return np.zeros(1)
+
+    monkeypatch.setattr(SecondOrder, "bounds", nothing)
+    assert whole - turns_of(piece, gyro, 500, 3.0) == pytest.approx(of_matrix(0.02) ** 2 * products[0][0], rel=1e-9)
+    assert products[0][0] > 0.0
 
 
 def test_turns_there_and_back_count_little():
@@ -287,7 +352,7 @@ def test_turns_there_and_back_count_little():
     found = gravity_bounds_over_windows(
         times, forces, rates, [1.0, 2.0, 4.0, 8.0], motion=MotionBounds(position=1.0), gyro=gyro, gravity=G, at="middle"
     )
-    piece, _ = parts(times, rates, gyro, 4.0, forces)
+    piece, _ = parts(times, rates, gyro, forces)
     rows = np.arange(800, 1601)
     by_length = np.inf
     for duration in (1.0, 2.0, 4.0, 8.0):
