@@ -80,7 +80,8 @@ class OneMatrix:
         # What is off without the matrix, noise apart; of the bias 1/(1 - k) as much counts as of the frame.
         biased = running_sum(frame.steps, gyro.bias + gyro.drift * frame.since_known)
         self._biased = biased[rows] + piece.apart / self._other
-        self._pushed = running_sum(steps, _crossed(self._effects, piece.carried).reshape(-1, 27))
+        crossed = _crossed(self._effects.transpose(1, 2, 0), piece.carried.T)
+        self._pushed = running_sum(steps, np.ascontiguousarray(crossed.reshape(27, -1).T))
         # q: what the matrix would turn if all its effects had one direction.
         self._straight = self._scale * piece.turned
         lengths = lengths_of(piece.carried)
@@ -88,7 +89,8 @@ class OneMatrix:
         self._once = running_sum(steps, lengths[:, None] * averaged)
         cells = np.floor(piece.since_known / cell)
         self._nodes = np.concatenate([[0], np.flatnonzero(np.diff(cells)) + 1, [len(cells) - 1]])
-        self._attitudes_at_nodes, self._effects_at_nodes = piece.attitudes[self._nodes], self._effects[self._nodes]
+        self._attitudes_at_nodes = np.ascontiguousarray(piece.attitudes[self._nodes].transpose(1, 2, 0))
+        self._effects_at_nodes = np.ascontiguousarray(self._effects[self._nodes].transpose(1, 2, 0))
         self._growth = self._growth_to_cells(math.ceil(reach / cell) + 2)
 
     @cached_property
@@ -126,7 +128,9 @@ class OneMatrix:
         inward = average.rising[indices] - average.falling[indices]
         outward = (falling - rising).T
         biased, chords = self._biased[of.row] * inward + outward[0], self._chords[of.row] * inward + outward[1]
-        effects = self._mean_push(of, triangular=triangular) - _crossed(self._effects.take(of.row, axis=0), mean)
+        # One entry after another, and the windows last: what follows goes through whole arrays.
+        effects = self._mean_push(of, triangular=triangular)
+        effects -= _crossed(_windows_last(self._effects.take(of.row, axis=0).reshape(-1, 27)), mean.T)
         swept, spanned = average.swept[indices], average.spanned[indices]
         pieces = average.pieces[indices] + average.lost[indices]
         biased *= self._other
@@ -135,9 +139,7 @@ class OneMatrix:
         longest = np.maximum(of.before, of.after) + 2.0 * self._piece.away
         noise = gyro.noise_angle(spanned, truly_swept, longest, pieces)
         second = self._second_order_bounds(of, average, indices, rising + falling)
-        # To body axes of the rows, so that nothing depends on where the piece begins.
-        to_body = self._piece.attitudes.take(of.row, axis=0).transpose(0, 2, 1)
-        push = _largest_push(to_body @ effects, (to_body @ mean[:, :, None])[:, :, 0])
+        push = _largest_push(effects, mean, self._piece.attitudes.take(of.row, axis=0))
         # The matrix acts in the carried frame, which is no further off than over the whole window.
         apart = (self._piece.apart[of.stop] - self._piece.apart[of.start]) * swept
         turns: FloatArray = self._scale * (push + chords + apart) + noise + biased
@@ -145,9 +147,8 @@ class OneMatrix:
         return turns + second + by_stamps + self._rounding(of, average, indices)
 
     def _mean_push(self, window: Window, *, triangular: bool) -> FloatArray:
-        """The weighted means of the effects crossed with what is averaged, as `weighted`, shape (m, 3, 9)."""
-        means = weighted_whole(self._pushed, self._pushed_twice if triangular else None, window)
-        return means.reshape(-1, 3, 9)
+        """The weighted means of the effects crossed with what is averaged, as `weighted`, shape (3, 9, m)."""
+        return _windows_last(weighted_whole(self._pushed, self._pushed_twice if triangular else None, window))
 
     def _rounding(self, window: Window, average: Average, indices: NDArray[np.intp]) -> FloatArray:
         """What rounding may add, as in section 18.2: to the 27 numbers of the effects, and to both bounds."""
@@ -191,7 +192,7 @@ class OneMatrix:
         in_cell = np.diff(straight)
         farthest = min(farthest, count - 1)
         at_nodes = [self._turn_between_nodes(away) for away in range(min(farthest + 1, count) + 1)]
-        growth = np.full((len(_CURVATURES), 2, farthest + 1, count), np.inf)
+        growth = np.empty((len(_CURVATURES), 2, farthest + 1, count))
         along_before, along_after = np.zeros(count), np.zeros(count)
         for away in range(farthest + 1):
             near, far = slice(0, count - away), slice(away, count)
@@ -207,23 +208,30 @@ class OneMatrix:
                     growth[i, side, away, cells] = np.fmin(
                         (_WHOLE_CURVATURE - curvature) * most, share - curvature * least
                     )
-        return np.maximum.accumulate(growth, axis=2)
+            # From the other cells the piece does not reach so far.
+            growth[:, 0, away, :away] = growth[:, 1, away, count - away :] = np.inf
+            if away:
+                np.maximum(growth[:, :, away], growth[:, :, away - 1], out=growth[:, :, away])
+        return growth
 
     def _turn_between_nodes(self, away: int) -> FloatArray:
         """Bounds of the turn by the scale error from nodes to those so many further on, rad."""
         nodes = self._nodes
         near, far = slice(0, len(nodes) - away), slice(away, None)
         first, last = nodes[near], nodes[far]
+        # One entry after another, and the nodes last: what follows goes through whole arrays.
+        turned_by = self._effects_at_nodes[:, :, far] - self._effects_at_nodes[:, :, near]
         # In the body axes at the first node, so that nothing depends on where the piece begins.
-        effects = self._attitudes_at_nodes[near].transpose(0, 2, 1) @ (
-            self._effects_at_nodes[far] - self._effects_at_nodes[near]
-        )
-        by_row = np.ascontiguousarray(effects.reshape(-1, 3, 3, 3).transpose(2, 3, 1, 0))
-        by_rows = lengths_of(nuclear_norms(by_row).T)
+        axes = self._attitudes_at_nodes[:, :, None, near]
+        effects = axes[0] * turned_by[0]
+        effects += axes[1] * turned_by[1]
+        effects += axes[2] * turned_by[2]
+        norms = nuclear_norms(np.ascontiguousarray(effects.reshape(3, 3, 3, -1).transpose(1, 2, 0, 3)))
+        by_rows = np.sqrt(np.sum(norms * norms, axis=0))
         # The largest of three numbers is within √2 standard deviations of their mean.
-        squares = effects @ effects.transpose(0, 2, 1)
-        middle = np.trace(squares, axis1=1, axis2=2) / 3.0
-        spread = np.einsum("nij,nij->n", squares, squares) / 3.0 - middle**2
+        squares = {(i, j): np.sum(turned_by[i] * turned_by[j], axis=0) for i in range(3) for j in range(i + 1)}
+        middle = (squares[0, 0] + squares[1, 1] + squares[2, 2]) / 3.0
+        spread = sum((1.0 if i == j else 2.0) * square * square for (i, j), square in squares.items()) / 3.0 - middle**2
         together = np.sqrt(3.0 * (middle + np.sqrt(2.0 * np.maximum(spread, 0.0)))) * _ROUNDED_NORM
         # Rounding of the sums as in 18.2; it is nothing beside the turns.
         turned, apart = self._piece.turned, self._piece.apart
@@ -248,25 +256,31 @@ class OneMatrix:
         return turn
 
 
-def _largest_push(effects: FloatArray, means: FloatArray) -> FloatArray:
-    """Bounds of the length of M vec K' over all matrices K' of norm one, for M of shape (m, 3, 9).
+def _largest_push(effects: FloatArray, means: FloatArray, attitudes: FloatArray) -> FloatArray:
+    """Bounds of the length of M vec K' over all matrices K' of norm one, for M of shape (3, 9, m).
 
     The component along e is at most the sum of singular values of M's combination e, which is a norm of e. Across the
-    mean, where nearly all of it is, e is in a polygon; along the mean the norm is added by Pythagoras.
+    mean, where nearly all of it is, e is in a polygon; along the mean the norm is added by Pythagoras. The polygon is
+    fixed to the body at each window's row, so that nothing depends on where the piece begins.
     """
-    lengths = lengths_of(means)
-    along = np.where(lengths[:, None] > 0.0, means / np.where(lengths > 0.0, lengths, 1.0)[:, None], [1.0, 0.0, 0.0])
+    of_body = np.einsum("nji,nj->ni", attitudes, means)
+    lengths = lengths_of(of_body)
+    along = np.where(lengths[:, None] > 0.0, of_body / np.where(lengths > 0.0, lengths, 1.0)[:, None], [1.0, 0.0, 0.0])
     least = np.eye(3)[np.argmin(np.abs(along), axis=1)]
     first = _cross(along, least)
     first /= lengths_of(first)[:, None]
-    axes = np.stack([first, _cross(along, first), along], axis=1)
-    # One axis after another, and the windows last: what follows goes through whole arrays.
-    x, y, z = np.ascontiguousarray((axes @ effects).transpose(1, 2, 0)).reshape(3, 3, 3, -1)
+    axes = [np.einsum("nij,nj->in", attitudes, axis) for axis in (first, _cross(along, first), along)]
+    x, y, z = ((a * effects[0] + b * effects[1] + c * effects[2]).reshape(3, 3, -1) for a, b, c in axes)
     turned = math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     cosines, sines = np.cos(turned)[:, None], np.sin(turned)[:, None]
     across = nuclear_norms(cosines * x[:, :, None] + sines * y[:, :, None]).max(axis=0)
     pushes: FloatArray = np.hypot(across / _POLYGON, nuclear_norms(z))
     return pushes
+
+
+def _windows_last(rows: FloatArray) -> FloatArray:
+    """Rows (m, 27) as matrices (3, 9, m)."""
+    return np.ascontiguousarray(rows.T).reshape(3, 9, -1)
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -276,8 +290,6 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _crossed(effects: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Each column of matrices (n, 3, 9), crossed with a vector (n, 3) from the right."""
-    x, y, z = vectors.T[:, :, None]
-    a, b, c = effects[:, 0], effects[:, 1], effects[:, 2]
-    crossed: FloatArray = np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1)
-    return crossed
+    """Each column of matrices (3, 9, n), crossed with a vector (3, n) from the right."""
+    (a, b, c), (x, y, z) = effects, vectors
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x])
