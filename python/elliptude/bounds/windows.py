@@ -30,7 +30,7 @@ from elliptude.typing import FloatArray
 from elliptude.units import STANDARD_GRAVITY
 
 # Windows that the effect of a gyro's matrix is worked out for at once: what is summed then stays near the processor.
-_AT_ONCE = 4096
+_AT_ONCE = 2048
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ with aᵢ half the semi-axis of the Gibbs vector. Total and tilt follow from the
 heading from two vectors. Many rows are one call.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,11 +15,14 @@ from elliptude.monitoring import arcs
 from elliptude.typing import FloatArray
 
 _EPSILON = float(np.finfo(np.float64).eps)
+_TINY = float(np.finfo(np.float64).tiny)
 # What rounding may do, section 18.8: to a share, and to an angle.
 _SHARE, ANGLE_ROUNDING = 64.0 * _EPSILON, 64.0 * _EPSILON
-# The multiplier m is sought as log(m/(1-m)) in ± this, by as many steps of the golden section: to 4e-7.
-_RANGE, _STEPS = 40.0, 40
-_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+# The multiplier m is sought as x = log(m/(1-m)) in ± this, until no other is better by this share of what was found, or
+# x is known this well; at most so many steps.
+_RANGE, _SHARPNESS, _RESOLUTION, _STEPS = 40.0, 1e-9, 1e-7, 64
+# In so many steps what is left to search must be halved; otherwise the next step halves it.
+_PATIENCE = 3
 
 
 class ErrorAngles(NamedTuple):
@@ -113,35 +117,128 @@ def largest_share(basis: FloatArray, squares: FloatArray) -> FloatArray:
     (n,) array
         At most 1; attained up to 1e-6 of it and rounding.
     """
-    # One entry of the forms after another, and the rows last: what follows goes through whole arrays.
-    columns = np.ascontiguousarray(basis.transpose(1, 2, 0))
-    pairs = [(j, k) for j in range(columns.shape[1]) for k in range(j + 1)]
-    products = [[row[j] * row[k] for row in columns] for j, k in pairs]
-    of_axes = np.ascontiguousarray(squares.T)
-
-    def share(x: FloatArray) -> FloatArray:
-        # m = 1/(1 + e^-x), 1/(1-m) = 1 + e^x.
-        growth = np.exp(x)
-        weights = [1.0 + growth, *(of_axes / (of_axes + growth / (1.0 + growth)))]
-        entries = [weights[0] * of[0] for of in products]
-        for entry, of in zip(entries, products, strict=True):
-            for weight, product in zip(weights[1:], of[1:], strict=True):
-                entry += weight * product
-        return _largest_eigenvalue(entries)
-
-    low, high = np.full(len(basis), -_RANGE), np.full(len(basis), _RANGE)
-    left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-    at_left, at_right = share(left), share(right)
-    least = np.minimum(np.minimum(at_left, at_right), 1.0)
-    for _ in range(_STEPS):
-        goes_left = at_left <= at_right
-        low, high = np.where(goes_left, low, left), np.where(goes_left, right, high)
-        new = np.where(goes_left, high - _GOLDEN * (high - low), low + _GOLDEN * (high - low))
-        at_new = share(new)
-        left, right = np.where(goes_left, new, right), np.where(goes_left, left, new)
-        at_left, at_right = np.where(goes_left, at_new, at_right), np.where(goes_left, at_left, at_new)
-        least = np.minimum(least, at_new)
+    forms = _Forms.of(basis, squares)
+    x, steepness = forms.first_guess()
+    # Of the rows that are still sought: where x was before, the ratio there, and between which ends it is sought.
+    rows, before, ratio_before = np.arange(len(x)), x, np.zeros(len(x))
+    low, high = np.full(len(x), -_RANGE), np.full(len(x), _RANGE)
+    least, wide = np.ones(len(x)), high - low
+    for step in range(_STEPS):
+        share, rise, fall = forms.at(x)
+        least[rows] = np.minimum(least[rows], share)
+        falls = rise < fall
+        low, high = np.where(falls, x, low), np.where(falls, high, x)
+        better = _better_at_most(x, rise - fall, np.where(falls, high, low))
+        # Near 1 it is the difference from 1 that says how large an angle is.
+        sought = better > _SHARPNESS * share * np.maximum(1.0 - share, 0.0)
+        sought &= ((1.0 + _SHARE) * (share - better) < 1.0) & (high - low > _RESOLUTION)
+        if not sought.any():
+            break
+        # The logarithm of the ratio is nearly a line in x: at first as for the guess, then through the last two.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            ratio = np.log(np.maximum(rise / np.maximum(fall, _TINY), _TINY))
+            following = x - ratio * ((x - before) / (ratio - ratio_before) if step else 1.0 / steepness)
+        outside = ~((following > low) & (following < high))
+        if step % _PATIENCE == 0:
+            outside |= (step > 0) & (high - low > 0.5 * wide)
+            wide = high - low
+        # No further than steps that double: the ends may be far away.
+        most = 2.0 ** min(step + 1, 6)
+        halved = np.clip(0.5 * (low + high), x - most, x + most)
+        following = np.where(outside, halved, following)
+        before, ratio_before, x = x, ratio, following
+        if np.count_nonzero(sought) < 0.75 * len(sought):
+            rows, x, before, ratio_before = rows[sought], x[sought], before[sought], ratio_before[sought]
+            low, high, wide, forms = low[sought], high[sought], wide[sought], forms.take(sought)
     return np.minimum((1.0 + _SHARE) * least, 1.0)
+
+
+def _better_at_most(x: FloatArray, slope: FloatArray, end: FloatArray) -> FloatArray:
+    """How much less a share may be on the way to an end that it falls to: by its tangent in m, as it is convex in m."""
+    growth, to_end = np.exp(x), np.exp(end - x)
+    # The way in m, in units of dm/dx.
+    better: FloatArray = np.abs(slope) * np.abs(to_end - 1.0) * ((1.0 + growth) / (1.0 + to_end * growth))
+    return better
+
+
+class _Forms(NamedTuple):
+    """The matrices of (18.21) for n rows; one entry after another, and the rows last: it goes through whole arrays."""
+
+    products: FloatArray
+    """Of the columns of B in pairs, 00, 10, 11, .., row by row of B, shape (pairs, 4, n)."""
+    squares: FloatArray
+    """aᵢ², shape (3, n)."""
+
+    @classmethod
+    def of(cls, basis: FloatArray, squares: FloatArray) -> "_Forms":
+        """The arguments are those of `largest_share`."""
+        columns = np.ascontiguousarray(basis.transpose(2, 1, 0))
+        pairs = [columns[j] * columns[k] for j in range(len(columns)) for k in range(j + 1)]
+        return cls(np.array(pairs), np.ascontiguousarray(squares.T))
+
+    def take(self, rows: NDArray[np.bool_]) -> "_Forms":
+        """Those of some rows."""
+        return _Forms(self.products[:, :, rows], self.squares[:, rows])
+
+    def first_guess(self) -> tuple[FloatArray, FloatArray]:
+        """The x where b²/(1-m) + a²/(a²+m) is least, b = ‖b₀‖ and a the largest aᵢ; how steep the ratio is there."""
+        diagonal = self.products[[0, 2, 5][: (len(self.products) + 1) // 2], 0]
+        b = np.sqrt(np.maximum(np.sum(diagonal, axis=0), _TINY))
+        a = np.sqrt(np.maximum(np.max(self.squares, axis=0), _TINY))
+        growth = a * np.maximum(1.0 - a * b, 0.0) / (b * (1.0 + a * a))
+        # No nearer to 0: where m is of the size of rounding, the slope is lost, and nothing is to be gained.
+        x = np.clip(np.log(np.maximum(growth, _TINY)), -0.5 * _RANGE, _RANGE)
+        growth = np.exp(x)
+        m = growth / (1.0 + growth)
+        return x, 2.0 * m * (1.0 + (1.0 - m) / (a * a + m))
+
+    def at(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """σ at m = 1/(1 + e^-x), and how it rises and falls with x: r and f of section 18.8, nearly."""
+        growth = np.exp(x)
+        m = growth / (1.0 + growth)
+        weights = np.empty((4, len(x)))
+        weights[0] = 1.0 + growth
+        np.divide(self.squares, self.squares + m, out=weights[1:])
+        entries = [_weighted(weights, products) for products in self.products]
+        share = _largest_eigenvalue(entries)
+        # Row by row of B what is along the eigenvector: of the slope no more cancels than has to.
+        seen = _weighted(_onto_largest(entries, share), self.products)
+        decrease = seen[1:] * weights[1:] * (m / (self.squares + m))
+        return share, growth * seen[0], np.sum(decrease, axis=0) / (1.0 + growth)
+
+
+def _weighted(weights: Sequence[FloatArray] | FloatArray, terms: FloatArray) -> FloatArray:
+    """The sum of the terms times their weights."""
+    total: FloatArray = weights[0] * terms[0]
+    for weight, term in zip(weights[1:], terms[1:], strict=True):
+        total += weight * term
+    return total
+
+
+def _onto_largest(entries: list[FloatArray], largest: FloatArray) -> list[FloatArray]:
+    """The projection on the eigenvector of the largest eigenvalue λ, entries as there, those off the diagonal twice.
+
+    Of three rows it is adj(λ - A) by its trace. Where two eigenvalues are the largest, it is some such matrix.
+    """
+    if len(entries) == 1:
+        return [np.ones_like(largest)]
+    if len(entries) == 3:
+        a, b, c = entries
+        half = 0.5 * (a - c)
+        # λ - c or λ - a, the one that is no difference: the larger component, with b the other.
+        larger = np.hypot(half, b) + np.abs(half)
+        other = np.where(larger > 0.0, b / np.where(larger > 0.0, larger, 1.0), 0.0)
+        share = 1.0 / (1.0 + other * other)
+        rest = other * other * share
+        is_first = half >= 0.0
+        return [np.where(is_first, share, rest), 2.0 * other * share, np.where(is_first, rest, share)]
+    a, d, b, f, e, c = (entry / largest for entry in entries)
+    a, b, c = 1.0 - a, 1.0 - b, 1.0 - c
+    of_a, of_b, of_c = b * c - e * e, a * c - f * f, a * b - d * d
+    trace = np.maximum(of_a + of_b + of_c, _TINY)
+    twice = 2.0 / trace
+    of_a, of_b, of_c = of_a / trace, of_b / trace, of_c / trace
+    return [of_a, (e * f + c * d) * twice, of_b, (d * e + b * f) * twice, (d * f + a * e) * twice, of_c]
 
 
 def heading_interval(q: FloatArray, twisted: FloatArray, squares: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -366,9 +366,13 @@ def _unit_vector(name: str, values: ArrayLike) -> FloatArray:
 
 def product(a: FloatArray, b: FloatArray) -> FloatArray:
     """Products of quaternions (n, 4), scalar first."""
-    u, v = a[:, 1:], b[:, 1:]
-    first = a[:, :1] * b[:, :1] - np.sum(u * v, axis=1, keepdims=True)
-    return np.concatenate([first, a[:, :1] * v + b[:, :1] * u + np.cross(u, v)], axis=1)
+    (aw, ax, ay, az), (bw, bx, by, bz) = a.T, b.T
+    products = np.empty((len(a), 4))
+    products[:, 0] = aw * bw - (ax * bx + ay * by + az * bz)
+    products[:, 1] = aw * bx + bw * ax + (ay * bz - az * by)
+    products[:, 2] = aw * by + bw * ay + (az * bx - ax * bz)
+    products[:, 3] = aw * bz + bw * az + (ax * by - ay * bx)
+    return products
 
 
 def _figures(values: FloatArray) -> dict[str, float | int | None]:

@@ -4,7 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 from elliptude.monitoring import error_angles
-from elliptude.monitoring.error_angles import _largest_eigenvalue
+from elliptude.monitoring.error_angles import _largest_eigenvalue, largest_share
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
@@ -301,3 +301,42 @@ def test_largest_eigenvalues_are_never_too_small():
     epsilon = np.finfo(float).eps
     assert (found >= right * (1.0 - 16.0 * epsilon)).all()
     assert (found <= right * (1.0 + 80.0 * epsilon) + 10.0 * np.sqrt(epsilon * spread * mean)).all()
+
+
+def share_at(basis, squares, x):
+    """The bound of (18.21) for m = 1/(1 + e^-x), by NumPy's eigenvalues."""
+    growth = np.exp(x)[:, None]
+    weights = np.concatenate([1.0 + growth, squares / (squares + growth / (1.0 + growth))], axis=1)
+    return np.linalg.eigvalsh(np.einsum("nij,ni,nik->njk", basis, weights, basis))[:, -1]
+
+
+@pytest.mark.parametrize(
+    ("thin", "thick", "reach"), [(-9, 2, 3.1), (-3, 0, 0.3), (-9, -6, 1e-6), (-1, -1, 3.14), (-4, 1, 3)]
+)
+def test_the_largest_share_is_the_least_of_all_multipliers(thin, thick, reach):
+    """Beside a search that knows nothing of slopes, where two eigenvalues are the largest too."""
+    draws = np.random.default_rng(5)
+    n = 400
+    squares = 0.25 * 10.0 ** (2.0 * draws.uniform(thin, thick, (n, 3)))
+    squares[: n // 4, 1] = squares[: n // 4, 0]
+    turns = draws.normal(size=(n, 3))
+    turns *= reach * draws.uniform(size=(n, 1)) / np.linalg.norm(turns, axis=1, keepdims=True)
+    turns[: n // 4] *= [1.0, 0.0, 0.0]
+    turns[n // 4 : n // 3] = 0.0
+    q = Rotation.from_rotvec(turns).as_quat(scalar_first=True)
+    # Orthonormal columns across each: a basis of what is left, in part along the axes.
+    for count in (1, 2, 3):
+        columns = np.linalg.qr(np.concatenate([q[:, :, None], draws.normal(size=(n, 4, 3))], axis=2))[0]
+        basis = columns[:, :, :1] if count == 1 else columns[:, :, 1 : count + 1]
+        found = largest_share(basis, squares)
+        low, high = np.full(n, -40.0), np.full(n, 40.0)
+        golden = 0.5 * (np.sqrt(5.0) - 1.0)
+        least = np.ones(n)
+        for _ in range(60):
+            left, right = high - golden * (high - low), low + golden * (high - low)
+            at_left, at_right = (share_at(basis, squares, x) for x in (left, right))
+            least = np.minimum(least, np.minimum(at_left, at_right))
+            low, high = np.where(at_left <= at_right, low, left), np.where(at_left <= at_right, right, high)
+        assert (found >= least * (1.0 - 1e-7)).all()
+        # Of three columns the eigenvalue may be 10 √ε too large where two are the largest, section 18.8.
+        assert (found <= least * (1.0 + (2e-7 if count == 3 else 1e-8))).all()

@@ -98,7 +98,9 @@ def vqf_attitudes(run: GuaranteedRun, configuration: Configuration) -> FloatArra
         if not len(piece):
             continue
         if frames is not None:
-            attitudes = scipy.spatial.transform.Rotation.from_matrix(frames[piece]) * earth
+            # Mostly one frame, of a reference that stays.
+            of_rows = frames[:1] if (frames == frames[0]).all() else frames[piece]
+            attitudes = scipy.spatial.transform.Rotation.from_matrix(of_rows) * earth
         else:
             found = _with_heading_of_center(earth, piece, run)
             if found is None:

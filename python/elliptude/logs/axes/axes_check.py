@@ -116,11 +116,8 @@ def look_at_axes(log: Log, configuration: Configuration, stated: Stated | None =
             vectors[sensor.name] = rows, _statement(sensor, rule, offset)
 
     def tried(sign: float) -> dict[str, FloatArray]:
-        tables = {
-            name: sensor_axes.misfits(log.times, rates, rows, gyro, statement, sign)
-            for name, (rows, statement) in vectors.items()
-        }
-        return {name: table for name, table in tables.items() if table is not None}
+        tables = sensor_axes.misfits_of_all(log.times, rates, list(vectors.values()), gyro, sign)
+        return {name: table for name, table in zip(vectors, tables, strict=True) if table is not None}
 
     as_it_is = tried(1.0)
     is_told = len(as_it_is) == len(sensors) and all(table[1:].min() > 1.0 for table in as_it_is.values())

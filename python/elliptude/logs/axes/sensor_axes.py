@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.samples import mean_error
 from elliptude.bounds.stamps import time_offset_angles
-from elliptude.bounds.turns import attitudes_from_rates, coning_angles, from_the_first, running_integral
+from elliptude.bounds.turns import attitudes_from_rates, coning_angles, from_the_first, lengths_of, running_integral
 from elliptude.typing import FloatArray
 
 # s; half-lengths of windows are multiples of a cell, which is so long, longer for a slow sensor, and shorter in a short
@@ -28,7 +28,8 @@ _HALF_LENGTHS = (1, 2, 4, 6, 8, 12)
 _DISTANCES = (2, 3, 4, 6, 8)
 # In median steps: nothing is known between samples that are further apart.
 _LONGEST_STEP = 10.0
-_CHUNK_ROWS = 1 << 15
+# What is summed over so many rows then stays near the processor.
+_CHUNK_ROWS = 1 << 12
 
 
 def _quarter_turns() -> FloatArray:
@@ -110,7 +111,37 @@ def misfits(
     (24,) array, or None
         For each of `ROTATIONS`, the largest quotient of difference and bound. None if no two windows have a bound.
     """
-    carried = _carried(times, rates, [(vectors, statement)], gyro, sign, beside)
+    return misfits_of_all(times, rates, [(vectors, statement)], gyro, sign, beside=beside)[0]
+
+
+def misfits_of_all(
+    times: FloatArray,
+    rates: FloatArray,
+    sensors: Sequence[tuple[FloatArray, VectorStatement]],
+    gyro: GyroBounds,
+    sign: float = 1.0,
+    *,
+    beside: RatesBeside | None = None,
+) -> list[FloatArray | None]:
+    """`misfits` of several sensors, each by itself, in less time: those with the same rate share a carried frame.
+
+    Parameters
+    ----------
+    times, rates, gyro, sign, beside
+        As `misfits` takes them.
+    sensors : sequence of tuple of (N, 3) array and VectorStatement
+        Each sensor's vectors, as `misfits` takes them.
+
+    Returns
+    -------
+    list of (24,) array, or None
+    """
+    frames = _Frames(times, rates, gyro, sign, beside)
+    return [_worst(_carried(frames, [sensor]), sensor[1]) for sensor in sensors]
+
+
+def _worst(carried: "_Carried | None", statement: VectorStatement) -> FloatArray | None:
+    """For each of `ROTATIONS` the largest quotient of difference and bound; None if no two windows have a bound."""
     if carried is None:
         return None
     worst = np.zeros(len(ROTATIONS))
@@ -162,7 +193,7 @@ def angle_misfit(
     AngleMisfit, optional
         None if no window has both.
     """
-    carried = _carried(times, rates, [first, second], gyro, 1.0, beside)
+    carried = _carried(_Frames(times, rates, gyro, 1.0, beside), [first, second])
     if carried is None:
         return None
     found = []
@@ -208,33 +239,48 @@ class _Carried:
     """The cells of each sensor, with the same begin and duration."""
 
 
-def _carried(
-    times: FloatArray,
-    rates: FloatArray,
-    sensors: Sequence[tuple[FloatArray, VectorStatement]],
-    gyro: GyroBounds,
-    sign: float,
-    beside: RatesBeside | None,
-) -> _Carried | None:
+class _Frames:
+    """Frames that the same rates carry along: how long a gap counts in one depends on how often a sensor is sampled."""
+
+    def __init__(
+        self, times: FloatArray, rates: FloatArray, gyro: GyroBounds, sign: float, beside: RatesBeside | None
+    ) -> None:
+        self.times, self.rates, self.gyro = times, rates, gyro
+        self._sign, self._beside = sign, beside
+        self._speeds = lengths_of(rates)
+        self._found: dict[float, tuple[_Frame, FloatArray]] = {}
+
+    def with_gaps_for(self, usual: float) -> tuple[_Frame, FloatArray]:
+        """The frame for a sensor with usual steps of so many seconds, and its attitudes (N, 3, 3)."""
+        if usual not in self._found:
+            self._found[usual] = self._carry(usual)
+        return self._found[usual]
+
+    def _carry(self, usual: float) -> tuple[_Frame, FloatArray]:
+        times, speeds, gyro = self.times, self._speeds, self.gyro
+        elapsed, steps = times - times[0], np.diff(times)
+        # Across a gap the turn may be anything. Its length does not matter, and a stamp far ahead would make endless
+        # cells.
+        is_gap = steps > _LONGEST_STEP * np.median(steps)
+        more = np.zeros_like(speeds)
+        if self._beside is not None:
+            is_gap, more = is_gap | self._beside.gaps, self._beside.errors
+        gaps = np.concatenate([[0.0], np.cumsum(np.where(is_gap, np.pi, 0.0))])
+        short = np.where(is_gap, np.minimum(steps, (_LONGEST_STEP + 1.0) * usual), steps)
+        clock = np.concatenate([[0.0], np.cumsum(short)])
+        steady = running_integral(clock, gyro.steady_error(speeds, elapsed) + more) + gaps
+        steady += from_the_first(coning_angles(short, self.rates))
+        frame = _Frame(clock, steady, running_integral(clock, speeds), gyro)
+        return frame, attitudes_from_rates(short, self._sign * self.rates)
+
+
+def _carried(frames: _Frames, sensors: Sequence[tuple[FloatArray, VectorStatement]]) -> _Carried | None:
     """The measurements in the frame that the gyro carries along; None if a sensor has fewer than two vectors."""
     measured = [np.isfinite(vectors).all(axis=1) for vectors, _ in sensors]
     if any(there.sum() < 2 for there in measured):
         return None
-    speeds = np.linalg.norm(rates, axis=1)
-    elapsed, steps = times - times[0], np.diff(times)
-    # Across a gap the turn may be anything. Its length does not matter, and a stamp far ahead would make endless cells.
-    is_gap = steps > _LONGEST_STEP * np.median(steps)
-    more = np.zeros_like(speeds)
-    if beside is not None:
-        is_gap, more = is_gap | beside.gaps, beside.errors
-    gaps = np.concatenate([[0.0], np.cumsum(np.where(is_gap, np.pi, 0.0))])
-    usual = max(float(np.median(np.diff(times[there]))) for there in measured)
-    short = np.where(is_gap, np.minimum(steps, (_LONGEST_STEP + 1.0) * usual), steps)
-    clock = np.concatenate([[0.0], np.cumsum(short)])
-    steady = running_integral(clock, gyro.steady_error(speeds, elapsed) + more) + gaps
-    steady += from_the_first(coning_angles(short, rates))
-    frame = _Frame(clock, steady, running_integral(clock, speeds), gyro)
-    attitudes = attitudes_from_rates(short, sign * rates)
+    frame, attitudes = frames.with_gaps_for(max(float(np.median(np.diff(frames.times[there]))) for there in measured))
+    clock = frame.times
     begin = max(float(clock[there][0]) for there in measured)
     shortest = _SAMPLES * max(float(np.median(np.diff(clock[there]))) for there in measured)
     duration = max(shortest, min(_CELL_S, float(clock[-1] - begin) / _FEWEST_CELLS))
@@ -243,7 +289,7 @@ def _carried(
         there = there & (clock >= begin)
         if there.sum() < 2:
             return None
-        offset = time_offset_angles(times, rates, statement.time_offset, gyro=gyro)
+        offset = time_offset_angles(frames.times, frames.rates, statement.time_offset, gyro=frames.gyro)
         of_rows = attitudes[there], vectors[there], offset[there]
         cells.append(_Cells(frame, there, *of_rows, begin, duration, statement.longest_step))
     return _Carried(frame, cells)
@@ -275,7 +321,7 @@ class _Cells:
         count = int(np.floor(place[-1] + 1e-9))  # the last cell is not whole
         self.sums = np.zeros((count + 1, _WEIGHT + 1))
         self.moments = np.zeros_like(self.sums)
-        lengths = np.linalg.norm(vectors, axis=1)
+        lengths = lengths_of(vectors)
         scalars = (np.ones_like(lengths), steady, turned, stamps - self.begin, offset)
         for first in range(0, len(stamps) - 1, _CHUNK_ROWS):
             rows = slice(first, first + _CHUNK_ROWS + 1)
@@ -341,7 +387,7 @@ class _Windows:
         means = np.einsum("kiab,qab->qki", both[:, :27].reshape(-1, 3, 3, 3), ROTATIONS)
         radii = self._radii(both, statement)
         if statement.length is not None:
-            lengths = np.linalg.norm(means, axis=2)
+            lengths = lengths_of(means)
             allowed = radii + self._turn(frame, rising, falling, self.tops, self.half_length) + statement.length_error
             yield _known(np.abs(lengths - statement.length) / allowed)
         for distance in _DISTANCES:
@@ -351,7 +397,7 @@ class _Windows:
             longest = (0.5 * distance + 1.0) * self.half_length
             turn = self._turn(frame, both[:-distance], both[distance:], middle, longest)
             allowed = turn + radii[:-distance] + radii[distance:]
-            yield _known(np.linalg.norm(means[:, distance:] - means[:, :-distance], axis=2) / allowed)
+            yield _known(lengths_of(means[:, distance:] - means[:, :-distance]) / allowed)
 
     def means_as_stated(self, frame: _Frame, statement: VectorStatement) -> tuple[FloatArray, FloatArray]:
         """With the axes as stated: the means (k, 3), and how far each may be from the vector, seen from its top."""

@@ -144,12 +144,9 @@ class Stated:
             offset += float(np.abs(sampled - log.times).max())
         away = _chord(math.radians(truth.error_deg))
         statement = VectorStatement(lambda _: away, 0.0, 0.0, 0.0, offset, length=1.0)
-        largest = 0.0
-        for axis in range(3):
-            vectors = log.true_attitudes[:, axis, :]
-            quotients = sensor_axes.misfits(log.times, found.rates, vectors, found.gyro, statement, beside=found.beside)
-            largest = max(largest, 0.0 if quotients is None else float(quotients[0]))
-        return largest
+        axes = [(log.true_attitudes[:, axis, :], statement) for axis in range(3)]
+        tables = sensor_axes.misfits_of_all(log.times, found.rates, axes, found.gyro, beside=found.beside)
+        return max(float(table[0]) if table is not None else 0.0 for table in tables)
 
     def angle_misfit(self, log: Log, first: str, second: str, angle: float, error: float) -> AngleMisfit | None:
         """How far the angle between two directions is from the stated one, (18.18)."""
