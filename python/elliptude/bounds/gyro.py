@@ -85,6 +85,9 @@ class GyroBounds:
     angular_acceleration : float
         Bound of how fast the true rate changes, rad/s², but for a part of at most ``noise``: how far it leaves, in a
         longer interval, the mean of the samples around it. Infinite if unknown.
+    bias_change : float
+        How far the biases at two instants of a window, over which directions are averaged, may differ beside the drift,
+        rad/s. Infinite: as far as ``bias`` allows.
     """
 
     noise: float
@@ -97,6 +100,7 @@ class GyroBounds:
     longest_interval: float = np.inf
     largest_rate: float = np.inf
     angular_acceleration: float = np.inf
+    bias_change: float = np.inf
 
     def __post_init__(self) -> None:
         """Check."""
@@ -107,7 +111,7 @@ class GyroBounds:
             raise ValueError("noise_turn_growth needs noise_turn, what it is added to")
         if not self.longest_interval > 0.0:
             raise ValueError(f"longest_interval must be positive, not {self.longest_interval}")
-        for name in ("increment", "noise_turn", "largest_rate", "angular_acceleration"):
+        for name in ("increment", "noise_turn", "largest_rate", "angular_acceleration", "bias_change"):
             if not getattr(self, name) >= 0.0:
                 raise ValueError(f"{name} must be at least 0, not {getattr(self, name)}")
 
@@ -127,6 +131,17 @@ class GyroBounds:
         if np.isfinite(self.noise_turn):
             lasting.append(self.noise_turn / duration + self.noise_turn_growth)
         return min(lasting)
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether more is known of the bias than how large it may be at any instant."""
+        return self.bias > 0.0 and np.isfinite(self.bias_change)
+
+    def unsteady_bias(self, duration: ArrayLike) -> FloatArray:
+        """How far biases within windows of these lengths, s, are from one that stays, rad/s, (18.63)."""
+        spread = self.bias_change + self.drift * np.asarray(duration, dtype=np.float64)
+        radius: FloatArray = _RADIUS_OF_SET * spread
+        return radius
 
     def gaps(self, times: FloatArray, angular_velocities: FloatArray) -> NDArray[np.bool_]:
         """Steps between rows that are longer than the noise bound speaks of.

@@ -335,8 +335,8 @@ def _over_windows(
 
     best = _Best(count, magnitude - magnitude_error, magnitude + magnitude_error)
     errors = _Errors.of(sensor)
-    # About a row a scale error that is one matrix undoes a part of what it does; section 18.12.
-    undoes = at == "middle" and gyro.scale_error > 0.0
+    # About a row one matrix, or one bias, undoes a part of what it does; section 18.12.
+    undoes = at == "middle" and (gyro.scale_error > 0.0 or gyro.is_steady)
     for block, needed in blocks(own[samples], max(durations), at):
         first, stop = measured[needed][0], measured[needed][-1] + 1
         carrying = of_gyro[first:stop]

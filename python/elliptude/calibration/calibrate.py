@@ -302,8 +302,9 @@ def calibrate(log: Log, configuration: Configuration, statements: CalibrationSta
             )
     rule = configuration.rule.rule()
     if (known := statements.gyro) is not None:
-        # What the rule's gyro turns by its noise says nothing of another one.
+        # What the rule's gyro turns by its noise, and how its bias changes, says nothing of another one.
         stated_instead = known.model_dump() | {"noise_turn_deg": None, "noise_turn_growth_deg_per_s": None}
+        stated_instead["bias_change_deg_per_s"] = None
         rule = rule.model_copy(update={"gyro": rule.gyro.model_copy(update=stated_instead)})
         rule.require_earth_rate()
     gyro = replace(rule.gyro.bounds(), longest_interval=gaps.longest_interval(log, configuration))

@@ -375,8 +375,10 @@ class Configuration(Model):
                 "increment_deg": None if None in increments else factor * max(one or 0.0 for one in increments),
                 "scale_error": gyro.scale_error,
             }
-            if told:  # of what noise turns by itself it was told nothing
-                left |= {"noise_turn_deg": None, "noise_turn_growth_deg_per_s": None}
+            if told:  # of what noise turns by itself, and of changes of the bias, it was told nothing
+                left |= {"noise_turn_deg": None, "noise_turn_growth_deg_per_s": None, "bias_change_deg_per_s": None}
+            elif rule.gyro.bias_change_deg_per_s is not None:
+                left["bias_change_deg_per_s"] = factor * rule.gyro.bias_change_deg_per_s
             changes["gyro"] = rule.gyro.model_copy(update=left)
         for sensor in self.directions:
             if not isinstance(sensor, Accelerometer | Magnetometer) or self.correction_of(sensor) is None:

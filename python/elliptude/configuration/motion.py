@@ -150,6 +150,8 @@ class GyroFlow(Timed):
     # may be estimated if it moves no faster than the drift says (a bias that depends on the pose moves faster).
     known_bias_deg_per_s: tuple[SignedSize, SignedSize, SignedSize] = (0.0, 0.0, 0.0)
     bias_deg_per_s: Size = 0.0
+    # How far it changes, beside the drift, within a window that an accelerometer or a magnetometer is averaged over.
+    bias_change_deg_per_s: Size | None = None
     estimate_bias: bool = False
     scale_error: Annotated[Size, Field(lt=1)] = 0.0
     # How fast the rate changes between samples, if that is not part of the noise.
@@ -200,6 +202,7 @@ class GyroFlow(Timed):
             longest_interval=math.inf if self.longest_interval_s is None else self.longest_interval_s,
             largest_rate=math.inf if self.largest_rate_deg_per_s is None else math.radians(self.largest_rate_deg_per_s),
             angular_acceleration=math.radians(acceleration) if acceleration else math.inf,
+            bias_change=math.inf if self.bias_change_deg_per_s is None else math.radians(self.bias_change_deg_per_s),
         )
 
     def known_bias(self) -> FloatArray:

@@ -56,6 +56,8 @@ class GyroRule(Model):
 
     noise_deg_per_s: Size
     bias_deg_per_s: Size
+    # How far it changes within a window beside the drift. As far as its bound allows if it is not stated.
+    bias_change_deg_per_s: Size | None = None
     drift_deg_per_s2: Size
     scale_error: Fraction
     increment_deg: PositiveSize | None = None
@@ -87,6 +89,7 @@ class GyroRule(Model):
             longest_interval=np.inf if self.longest_interval_s is None else self.longest_interval_s,
             largest_rate=np.inf if self.largest_rate_deg_per_s is None else np.deg2rad(self.largest_rate_deg_per_s),
             angular_acceleration=np.inf if acceleration is None else np.deg2rad(acceleration),
+            bias_change=np.inf if self.bias_change_deg_per_s is None else np.deg2rad(self.bias_change_deg_per_s),
         )
 
 
