@@ -84,6 +84,9 @@ def _changed_rule(of: Drawn, rule: Tables) -> Tables:
     for key in ("noise_deg_per_s", "bias_deg_per_s", "scale_error"):
         gyro[key] = gyro[key] if of.maybe() else 0.0
     gyro["drift_deg_per_s2"] = of.size(1e-3, 0.05)
+    gyro.pop("bias_change_deg_per_s", None)
+    if gyro["bias_deg_per_s"] > 0.0 and of.maybe(0.6):
+        gyro["bias_change_deg_per_s"] = of.size(1e-3, 2.0, 0.8)
     gyro["earth_rate"] = "removed"
     if of.maybe(0.5):
         gyro.pop("increment_deg", None)
@@ -161,7 +164,9 @@ def _gyro(of: Drawn) -> Tables:
     }
     if flow["bias_deg_per_s"] > 0.0 and of.maybe(0.3):
         flow["estimate_bias"] = True
-    elif flow["interval_rate"] == "mean_of_ends" and of.maybe(0.5):
+    elif flow["bias_deg_per_s"] > 0.0 and of.maybe(0.6):
+        flow["bias_change_deg_per_s"] = of.size(1e-3, 1.0, 0.8)
+    if "estimate_bias" not in flow and flow["interval_rate"] == "mean_of_ends" and of.maybe(0.5):
         flow["anchor_s"] = of.one(0.3, 1.0, 4.0)
         if of.maybe(0.5):
             flow["increment_deg"] = of.among(0.01, 1.0)

@@ -229,7 +229,7 @@ class SteadyBias:
     def turns(
         self, window: Window, average: Average, indices: NDArray[np.intp], entries: FloatArray, *, triangular: bool
     ) -> FloatArray:
-        """Bounds of what the bias does to means, (18.64).
+        """Bounds of what the bias does to means, (18.63).
 
         Parameters
         ----------

@@ -74,6 +74,15 @@ def require_earth_rate(
             f", for which its bounds leave no room ({room:.4g}{over}): add it to bias_deg_per_s, or to the noise where "
             "the bias is estimated, or state earth_rate = 'removed' if it was taken off"
         )
+    # Of the part that is no noise, as much changes while the body turns over as is not in the noise.
+    change, turned = math.degrees(gyro.bias_change), 2.0 * (1.0 + gyro.scale_error) * EARTH_RATE_DEG_PER_S
+    left = turned - 2.0 * math.degrees(gyro.lasting_noise(longest_window))
+    if earth_rate is None and gyro.is_steady and change < (1.0 - 1e-12) * left:
+        raise ValueError(
+            f"{place}: in axes of the Earth a gyro shows that these turn, and turned over it shows the opposite: "
+            f"{left:.4g} deg/s of that are not in the noise, but bias_change_deg_per_s is {change:.4g}: add it there, "
+            "or state earth_rate = 'removed' if it was taken off"
+        )
 
 
 class RigidBodyFlow(Model):

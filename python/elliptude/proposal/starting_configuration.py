@@ -465,7 +465,8 @@ def _bound_gyro(
             known = [round(float(part), 4) for part in np.rad2deg(proposed.gyro.bias)]
             seen = "over all rest" if at_rest else "against the reference"
             numbers["known_bias_deg_per_s"] = known, f"no guarantee: mean {seen}, subtracted; the rest is bounded next"
-            numbers |= _rule_numbers(table, "gyro", "bias_deg_per_s")
+            of_bias = ("bias_deg_per_s", "bias_change_deg_per_s")
+            numbers |= _rule_numbers(table, "gyro", *(key for key in of_bias if key in table["gyro"]))
     over_windows = not flow.get("estimate_bias") and not flow.get("angular_acceleration_deg_per_s2")
     if over_windows and flow.get("interval_rate", "mean_of_ends") == "mean_of_ends":
         of_noise = ("increment_deg", "noise_turn_deg", "noise_turn_growth_deg_per_s")

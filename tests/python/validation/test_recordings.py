@@ -15,6 +15,7 @@ from elliptude import cli
 from elliptude.bounds import gyro as gyro_bounds
 from elliptude.bounds import one_matrix, turns
 from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.one_matrix import SteadyBias
 from elliptude.bounds.samples import VectorSensorBounds
 from elliptude.bounds.velocity import VelocityOfRows
 from elliptude.bounds.windows import MotionBounds
@@ -187,6 +188,14 @@ WEAKENED = {
     "the bias of a gyro": (
         lambda m: smaller(m, GyroBounds, "steady_error"),
         lambda: configured({"bias_deg_per_s": 1.0, "anchor_s": 1.0}, *STARS),
+    ),
+    "a bias that changes": (
+        lambda m: smaller(m, GyroBounds, "unsteady_bias", 0.2),
+        lambda: configured({"bias_deg_per_s": 3.0, "bias_change_deg_per_s": 1.0}, STILL_UP, STAR | RARE),
+    ),
+    "a bias that stays": (
+        lambda m: smaller(m, SteadyBias, "turns", 0.1),
+        lambda: configured({"bias_deg_per_s": 5.0, "bias_change_deg_per_s": 0.01}, STILL_UP, STAR | RARE),
     ),
     "the noise of a gyro": (
         lambda m: smaller(m, GyroBounds, "noise_angle"),

@@ -207,7 +207,8 @@ def draw_gyro(
     attitudes = Turning(times, base[:-1], base[1:]).attitudes(times)
     # A corrected sample has the scale error.
     shows = np.linalg.solve(gyro.correction, np.eye(3) + matrix_within(bounds.scale_error, kinds["scale"], draws))
-    biases, drifts = _biases(gyro, kinds["bias"], times, attitudes, base, first, draws)
+    rested = first + max((rest.end for rest in stated.rests if rest.shows is not None), default=-math.inf)
+    biases, drifts = _biases(gyro, kinds["bias"], times, attitudes, base, (first, rested), draws)
     if left is not None:
         biases = np.tile(left, (len(times), 1))
     at_samples, in_steps = _noise(gyro, kinds["noise"], times, attitudes, base, biases + drifts, resting, draws)
@@ -286,17 +287,28 @@ def _biases(
     times: FloatArray,
     attitudes: FloatArray,
     rates: FloatArray,
-    first: float,
+    known: tuple[float, float],
     draws: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray]:
-    """What is left of the bias when it is known, and how it drifts from there, rad/s, shape (M, 3) each."""
-    since = np.maximum(times - first, 0.0)[:, None]
+    """What is left of the bias when it is known, and how it drifts from there, rad/s, shape (M, 3) each.
+
+    `known` is when the log begins, s, and until when a rest shows the bias, in which next to nothing is left of it.
+    """
+    since = np.maximum(times - known[0], 0.0)[:, None]
     drifts = gyro.bounds.drift * AT_BOUND * since * unit_vector(draws)
     if gyro.is_estimated:
         share = draws.choice([0.0, 0.5, 1.0])
         left = share * gyro.bounds.bias * AT_BOUND * np.tile(unit_vector(draws), (len(times), 1))
         return np.asarray(left), drifts
-    return gyro.bounds.bias * AT_BOUND * pattern(kind, attitudes, rates, draws), drifts
+    most, shape = gyro.bounds.bias * AT_BOUND, pattern(kind, attitudes, rates, draws)
+    change = min(gyro.bounds.bias_change * AT_BOUND, 2.0 * most)
+    # Within a window what changes has this part of the change, and what it changes about moves by the rest.
+    aside = 0.5 * change * float(draws.choice([0.5, 1.0]))
+    moved = np.ones(len(times))
+    if most > aside and np.isfinite(known[1]):
+        window = 1.0 + 1e-6 + 2.0 * gyro.increment_over
+        moved = np.clip((change - 2.0 * aside) / (most - aside) * (times - known[1]) / window, 0.0, 1.0)
+    return (most - aside) * moved[:, None] * unit_vector(draws) + aside * shape, drifts
 
 
 def _noise(

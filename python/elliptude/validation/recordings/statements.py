@@ -237,7 +237,9 @@ class Stated:
         if found.noise_deg_per_s is not None:
             told = math.inf if found.increment_deg is None else math.radians(found.increment_deg)
             increment = max(bounds.increment, told)
-            bounds = replace(bounds, increment=increment, noise_turn=math.inf, noise_turn_growth=0.0)
+            bounds = replace(
+                bounds, increment=increment, noise_turn=math.inf, noise_turn_growth=0.0, bias_change=math.inf
+            )
         return bounds, np.asarray(found.matrix)
 
     def _calibrated(self, sensor: Accelerometer | Magnetometer, stated: VectorSensorBounds) -> VectorSensorBounds:
