@@ -190,8 +190,8 @@ WEAKENED = {
         lambda: configured({"bias_deg_per_s": 1.0, "anchor_s": 1.0}, *STARS),
     ),
     "a bias that changes": (
-        lambda m: smaller(m, GyroBounds, "unsteady_bias", 0.2),
-        lambda: configured({"bias_deg_per_s": 3.0, "bias_change_deg_per_s": 1.0}, STILL_UP, STAR | RARE),
+        lambda m: smaller(m, GyroBounds, "unsteady_bias", 0.0),
+        lambda: configured({"bias_deg_per_s": 1.0, "bias_change_deg_per_s": 2.0}, STILL_UP, STAR | RARE),
     ),
     "a bias that stays": (
         lambda m: smaller(m, SteadyBias, "turns", 0.1),

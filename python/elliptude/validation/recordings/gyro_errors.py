@@ -301,6 +301,8 @@ def _biases(
         left = share * gyro.bounds.bias * AT_BOUND * np.tile(unit_vector(draws), (len(times), 1))
         return np.asarray(left), drifts
     most, shape = gyro.bounds.bias * AT_BOUND, pattern(kind, attitudes, rates, draws)
+    if not gyro.bounds.is_steady:
+        return most * shape, drifts
     change = min(gyro.bounds.bias_change * AT_BOUND, 2.0 * most)
     # Within a window what changes has this part of the change, and what it changes about moves by the rest.
     aside = 0.5 * change * float(draws.choice([0.5, 1.0]))
