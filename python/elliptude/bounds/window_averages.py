@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.bounds.carried_frame import CarriedFrame
+from elliptude.bounds.carried.frame import CarriedFrame
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.stamps import OffsetTurns
 from elliptude.bounds.turns import from_the_first, lengths_of, running_sum

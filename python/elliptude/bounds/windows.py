@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elliptude.bounds.arguments import increasing_times, require_not_negative, vector_rows
-from elliptude.bounds.carried_frame import CarriedFrame
+from elliptude.bounds.carried.frame import CarriedFrame
+from elliptude.bounds.carried.one_matrix import OneMatrix
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.bounds.one_matrix import OneMatrix
 from elliptude.bounds.samples import (
     EXACT_SENSOR,
     DirectionBounds,

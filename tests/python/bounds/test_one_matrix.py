@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from elliptude.bounds.carried_frame import CarriedFrame
+from elliptude.bounds.carried.frame import CarriedFrame
+from elliptude.bounds.carried.one_matrix import OneMatrix, nuclear_norms
+from elliptude.bounds.carried.second_order import SecondOrder
 from elliptude.bounds.gyro import GyroBounds, scale_effects
-from elliptude.bounds.one_matrix import OneMatrix, nuclear_norms
-from elliptude.bounds.second_order import SecondOrder
 from elliptude.bounds.stamps import OffsetTurns
 from elliptude.bounds.window_averages import Piece, weighted
 from elliptude.bounds.windows import MotionBounds, field_bounds_over_windows, gravity_bounds_over_windows
@@ -288,7 +288,7 @@ def test_third_order_and_what_steps_leave_are_in_the_bound(monkeypatch):
     rates = 8.0 * np.column_stack([np.cos(phases), np.sin(phases), np.zeros_like(times)])
     gyro = GyroBounds(0.0, scale_error=k)
     piece, matrix = parts(times, rates, gyro, np.tile(G * UP, (121, 1)))
-    monkeypatch.setattr("elliptude.bounds.second_order.SecondOrder.bounds", lambda *_, **__: np.zeros(1))
+    monkeypatch.setattr("elliptude.bounds.carried.second_order.SecondOrder.bounds", lambda *_, **__: np.zeros(1))
     whole = turns_of(piece, gyro, row, duration)
     away = np.abs(times - times[row])
     straight = of_matrix(k) * 8.0 * away
@@ -303,7 +303,7 @@ def test_third_order_and_what_steps_leave_are_in_the_bound(monkeypatch):
 
     def no_chords(patch):
         patch.setattr(
-            "elliptude.bounds.one_matrix.scale_effects",
+            "elliptude.bounds.carried.one_matrix.scale_effects",
             lambda *arguments: (scale_effects(*arguments)[0], np.zeros(len(times))),
         )
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from elliptude.bounds.carried_frame import CarriedFrame
+from elliptude.bounds.carried.frame import CarriedFrame
+from elliptude.bounds.carried.one_matrix import OneMatrix
+from elliptude.bounds.carried.second_order import SecondOrder, crossed, largest_singular_values
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.bounds.one_matrix import OneMatrix
-from elliptude.bounds.second_order import SecondOrder, crossed, largest_singular_values
 from elliptude.bounds.stamps import OffsetTurns
 from elliptude.bounds.turns import attitudes_from_rates
 from elliptude.bounds.window_averages import Piece
@@ -197,5 +197,5 @@ def test_sums_do_not_depend_on_how_many_rows_are_worked_on_at_once(monkeypatch):
     piece = frame_and_piece(times, rates, vectors, gyro)
     effects = OneMatrix(piece, gyro)._effects
     whole = SecondOrder(piece.steps, effects, piece.carried)._once
-    monkeypatch.setattr("elliptude.bounds.second_order._AT_ONCE", 100)
+    monkeypatch.setattr("elliptude.bounds.carried.second_order._AT_ONCE", 100)
     np.testing.assert_array_equal(SecondOrder(piece.steps, effects, piece.carried)._once, whole)

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from elliptude.bounds.carried_frame import CarriedFrame
+from elliptude.bounds.carried.frame import CarriedFrame
+from elliptude.bounds.carried.one_matrix import OneMatrix
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.bounds.one_matrix import OneMatrix
 from elliptude.bounds.stamps import OffsetTurns
 from elliptude.bounds.turns import attitudes_from_rates
 from elliptude.bounds.window_averages import Piece

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 from elliptude.bounds import window_averages
-from elliptude.bounds.carried_frame import CarriedFrame
+from elliptude.bounds.carried.frame import CarriedFrame
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.stamps import OffsetTurns
 from elliptude.bounds.turns import running_integral

@@ -13,9 +13,10 @@ import tomlkit
 from drawn_recordings import FIXED, GUARANTEED, STAR, require_noticed, smaller, without
 from elliptude import cli
 from elliptude.bounds import gyro as gyro_bounds
-from elliptude.bounds import one_matrix, turns
+from elliptude.bounds import turns
+from elliptude.bounds.carried import one_matrix
+from elliptude.bounds.carried.steady_bias import SteadyBias
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.bounds.one_matrix import SteadyBias
 from elliptude.bounds.samples import VectorSensorBounds
 from elliptude.bounds.velocity import VelocityOfRows
 from elliptude.bounds.windows import MotionBounds
