@@ -223,6 +223,7 @@ def test_what_a_gyro_was_calibrated_with_is_used_with_what_was_found(folder):
         person = {"rule": {"kind": "stated"} | rules.rule_for("person").model_dump(mode="json", exclude_none=True)}
         gyro = Configuration.model_validate(tables | person | {"calibration": found}).calibrated_rule().gyro
         assert gyro.noise_turn_deg == (None if told else 2.5)
+        assert (gyro.bias_change_deg_per_s is None) == bool(told)
         assert (gyro.bounds().noise_turn == np.inf) == bool(told)
 
 

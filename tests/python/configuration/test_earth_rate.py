@@ -117,3 +117,25 @@ def test_a_calibration_has_room_for_it():
     table = type(statements).model_fields["gyro"].annotation.__args__[0].model_validate(gyro)
     with pytest.raises(ValueError, match="leave no room"):
         calibrate(log, stated, statements.model_copy(update={"gyro": table}))
+
+
+def test_a_change_of_the_bias_has_room_for_a_body_that_is_turned_over():
+    """Of the Earth's turn in the bias twice as much changes from one pose to the other, less what the noise may have."""
+    with pytest.raises(ValueError, match="bias_change_deg_per_s is 0.008: add it there"):
+        rule_of(0.1, bias_change_deg_per_s=0.008)
+    rule_of(0.1, bias_change_deg_per_s=0.0084)
+    rule_of(0.1, bias_change_deg_per_s=0.008, earth_rate="removed")
+    with pytest.raises(ValueError, match="bias_change_deg_per_s is 0: add it there"):
+        rule_of(0.1, bias_change_deg_per_s=0.0, noise_deg_per_s=0.0041)
+    rule_of(0.1, bias_change_deg_per_s=0.0, noise_deg_per_s=0.0042, increment_deg=100.0, noise_turn_deg=100.0)
+
+
+def test_windows_hold_where_the_earths_turn_uses_up_the_change():
+    """Turned over within a window, with nothing else wrong; by a change of half of it the truth would come out."""
+    times, rates, true, forces = turned_over(angle=np.pi)
+    rule = rule_of(0.0084, bias_change_deg_per_s=0.0084)
+    found = apply_rule(rule, times, rates, forces)
+    turned = found.up.directions
+    known = np.isfinite(found.up.angles)
+    sines = np.linalg.norm(np.cross(turned, forces / 9.807), axis=1)
+    assert (np.arcsin(np.minimum(sines, 1.0))[known] <= found.up.angles[known]).all()
