@@ -39,13 +39,13 @@
 
 /// Whether a guaranteed filter knows whole states or nothing, 0 or 1. With 1 no set of an attitude, or of a vector, by
 /// itself is compiled: what is known of the vector is forgotten with the attitude, and a gyro's filter estimates the
-/// bias. 11 kB of code of a guaranteed filter on a Cortex-M7. (theory, sections 16.7 and 16.8)
+/// bias. 12 kB of code of a guaranteed filter on a Cortex-M7. (theory, sections 16.7 and 16.8)
 #ifndef ELLIPTUDE_ONLY_WHOLE_STATES
 #define ELLIPTUDE_ONLY_WHOLE_STATES 0
 #endif
 
 /// Whether guaranteed filters are told of attitudes by directions alone, 0 or 1. With 1 a `MeasuredAttitude` is refused:
-/// 1 kB of code on a Cortex-M7.
+/// 2 kB of code on a Cortex-M7.
 #ifndef ELLIPTUDE_ONLY_DIRECTIONS
 #define ELLIPTUDE_ONLY_DIRECTIONS 0
 #endif
