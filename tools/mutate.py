@@ -250,8 +250,8 @@ def build_core(mutations: list[Mutation], places: list[Place], jobs: int) -> Non
 
 
 def core_command(test: str) -> list[str]:
-    """What runs one program, up to its first failure."""
-    return [str(BUILD / "cpp" / test), "--abort-after=1", "--no-version"]
+    """What runs one program, all cases that are in it, up to its first failure."""
+    return [str(BUILD / "cpp" / test), "--source-file=*", "--abort-after=1", "--no-version"]
 
 
 # --- the package ------------------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ namespace flight {
 
 /// What the program does, called once the machine has started.
 /// \return 0 if all went well.
-int run();
+[[gnu::cold]] int run();
 
 /// Writes a text that ends with zero: by semihosting, or to the standard output.
 void write(const char* text);

@@ -53,14 +53,14 @@ struct Measured {
 /// Writes a line, word by word.
 class Line {
  public:
-  Line& text(const char* word) {
+  [[gnu::noinline]] Line& text(const char* word) {
     while (*word != '\0') {
       *end_++ = *word++;
     }
     *end_++ = ' ';
     return *this;
   }
-  Line& number(std::uint32_t value) {
+  [[gnu::noinline]] Line& number(std::uint32_t value) {
     char digits[11];
     char* first = digits + 10;
     *first = '\0';
@@ -70,14 +70,14 @@ class Line {
     } while (value != 0);
     return text(first);
   }
-  Line& bits(std::uint64_t value) {
+  [[gnu::noinline]] Line& bits(std::uint64_t value) {
     for (int shift = 60; shift >= 0; shift -= 4) {
       *end_++ = "0123456789abcdef"[(value >> shift) & 15];
     }
     *end_++ = ' ';
     return *this;
   }
-  void finish() {
+  [[gnu::noinline]] void finish() {
     end_[-1] = '\n';
     *end_ = '\0';
     write(line_);
@@ -94,8 +94,11 @@ class Digest {
  public:
   template <typename Matrix>
   void add(const Matrix& numbers) {
-    const auto* bytes = reinterpret_cast<const unsigned char*>(numbers.data());
-    for (std::size_t i = 0; i < sizeof(Scalar) * static_cast<std::size_t>(numbers.size()); ++i) {
+    add_bytes(reinterpret_cast<const unsigned char*>(numbers.data()),
+              sizeof(Scalar) * static_cast<std::size_t>(numbers.size()));
+  }
+  [[gnu::noinline]] void add_bytes(const unsigned char* bytes, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) {
       value_ = (value_ ^ bytes[i]) * 0x100000001B3U;
     }
   }

@@ -160,6 +160,26 @@ void check_random_eigen() {
   check_eigen<N>(1e300 * Matrix<double, N>::Ones(), 10 * N * epsilon);
 }
 
+// a = l diag(1/p) lᵀ with the lower triangle that is filled in here, a⁻¹ = rᵀr, and what solves a x = b.
+template <int N>
+void check_root_free() {
+  Random random(33);
+  for (int i = 0; i < 200; ++i) {
+    const Matrix<double, N> a = random.positive_definite<N>(100);
+    RootFreeFactor<double, N> factor;
+    REQUIRE(factorize(a, factor) == Status::ok);
+    Matrix<double, N> l = factor.l.template triangularView<Eigen::StrictlyLower>();
+    l.diagonal().setOnes();
+    const double rounding = 50 * N * epsilon * a.norm();
+    REQUIRE((l * factor.p.cwiseInverse().asDiagonal() * l.transpose() - a).norm() <= rounding);
+    const Matrix<double, N> root = inverse_root(factor);
+    REQUIRE(is_lower(root));
+    REQUIRE((root.transpose() * root * a - Matrix<double, N>::Identity()).norm() <= 1e4 * N * epsilon);
+    const Vector<double, N> b = random.normal_matrix<N>();
+    REQUIRE((a * solve(factor, b) - b).norm() <= 1e4 * N * epsilon * b.norm());
+  }
+}
+
 // The three factors are what they are said to be, to rounding in units of the largest singular value.
 void check_svd(const Matrix3<double>& a) {
   RotationSvd<double> svd;
@@ -209,6 +229,37 @@ TEST_CASE("cholesky refuses what is not positive definite and leaves its output 
     }
   }
   CHECK(out == before);
+}
+
+TEST_CASE("factors without roots and what they solve and invert agree with Eigen") {
+  check_root_free<2>();
+  check_root_free<3>();
+  check_root_free<6>();
+}
+
+TEST_CASE("a factor without roots refuses each pivot that is not positive") {
+  for (int k = 0; k < 6; ++k) {
+    for (const double pivot : {0.0, -1.0, std::nan(""), std::numeric_limits<double>::infinity()}) {
+      Matrix6<double> a = Matrix6<double>::Identity();
+      a(k, k) = pivot;
+      RootFreeFactor<double, 6> factor;
+      CHECK(factorize(a, factor) == Status::not_positive_definite);
+    }
+  }
+}
+
+TEST_CASE("a matrix is finite if each of its numbers is") {
+  Matrix6<double> a = Matrix6<double>::Ones();
+  CHECK(scalar::all_finite(a));
+  CHECK(scalar::all_finite(a.topRows<2>()));
+  for (int k = 0; k < 36; ++k) {
+    for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity()}) {
+      a(k % 6, k / 6) = bad;
+      CHECK_FALSE(scalar::all_finite(a));
+      CHECK_FALSE(scalar::all_finite(a.transpose()));
+      a(k % 6, k / 6) = 1;
+    }
+  }
 }
 
 TEST_CASE("cholesky_semidefinite factors matrices of any rank and never falls below them") {

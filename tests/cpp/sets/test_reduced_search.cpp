@@ -133,8 +133,18 @@ TEST_CASE("a reflection turns a vector into the last unit vector, and a matrix a
     CHECK((h.topLeftCorner<4, 4>() * x - reflection.image * Eigen::Vector4d::Unit(3)).norm() < 1e-14);
     Eigen::Matrix<double, 6, 6> s = random.positive_definite<6>(10);
     const Eigen::Matrix<double, 6, 6> expected = h * s * h;
+    const Eigen::Matrix<double, 6, 6> before = s;
     reflection.turn(s);
     CHECK((s - expected).norm() < 1e-13);
+    // The same in loops.
+    Eigen::Matrix<double, 6, 1> longer = Eigen::Matrix<double, 6, 1>::Zero();
+    longer.head<4>() = x;
+    const detail::LoopedReflection<double, 6> looped(longer, 4);
+    CHECK(std::fabs(looped.image - reflection.image) < 1e-14);
+    CHECK(std::fabs(looped.scale - reflection.scale) <= 1e-14 * reflection.scale);  // not a number fails, too
+    Eigen::Matrix<double, 6, 6> turned = before;
+    looped.turn(6, turned);
+    CHECK((turned - expected).norm() < 1e-13);
   }
 }
 

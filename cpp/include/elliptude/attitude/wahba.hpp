@@ -352,6 +352,9 @@ template <typename Scalar>
     attitude = solution.attitude;
     return Status::ok;
   }
+  if (only_foam) {
+    return scalar::all_finite(profile) ? Status::attitude_undetermined : Status::not_finite;
+  }
   Scalar condition;
   return attitude_by_svd(profile, attitude, condition);
 }

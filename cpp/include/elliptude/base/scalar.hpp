@@ -9,6 +9,7 @@
 /// functions below that the code it meets calls. A pack's comparisons return a mask, for which `select(mask, a, b)`,
 /// `all_of(mask)` and the logical operators must exist; a status for a pack is `ok` only if every lane is.
 
+#include "elliptude/base/out_of_line.hpp"
 #include "elliptude/base/unrolling.hpp"
 
 // Eigen reads what that header sets.
@@ -183,12 +184,26 @@ template <typename Scalar>
   return all(x - x == Scalar(0));
 }
 
-/// Whether every entry is finite: one sum of zeros and no branch.
+/// Whether so many numbers are finite: one sum of zeros and no branch.
+template <typename Scalar>
+[[nodiscard]] ELLIPTUDE_SHARED bool are_finite(const Scalar* numbers, Eigen::Index count) noexcept {
+  Scalar sum(0);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    sum += numbers[i] - numbers[i];
+  }
+  return isfinite(sum);
+}
+
+/// Whether every entry is finite, in the same way.
 template <typename Derived>
 [[nodiscard]] bool all_finite(const Eigen::MatrixBase<Derived>& matrix) noexcept {
   using Scalar = typename Derived::Scalar;
   const auto& entries = matrix.derived();
-  return isfinite(Scalar((entries - entries).sum()));
+  if constexpr (elliptude::detail::has_little_code && std::is_base_of_v<Eigen::PlainObjectBase<Derived>, Derived>) {
+    return are_finite(entries.data(), entries.size());
+  } else {
+    return isfinite(Scalar((entries - entries).sum()));
+  }
 }
 
 /// The largest |entry|; of a matrix with NaN any.

@@ -43,6 +43,14 @@ namespace elliptude::detail {
 
 namespace elliptude::detail {
 
+/// Whether a program wants little code, and calls what others have inlined.
+inline constexpr bool has_little_code =
+#ifdef ELLIPTUDE_MOST_UNROLLED
+    true;
+#else
+    false;
+#endif
+
 /// Whether the core's own loops over a matrix of so many numbers are written out, as Eigen's are.
 template <int Numbers>
 inline constexpr bool is_written_out =

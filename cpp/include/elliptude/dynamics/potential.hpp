@@ -169,7 +169,7 @@ template <typename Scalar>
 class GravityGradient {
  public:
   /// No orbital motion, no torque.
-  GravityGradient() noexcept
+  ELLIPTUDE_SELDOM GravityGradient() noexcept
       : inertia_(Matrix3<Scalar>::Identity()),
         orbit_(Matrix3<Scalar>::Identity()),
         spread_(Scalar(0)),
@@ -180,8 +180,8 @@ class GravityGradient {
   /// \param orbit a rotation whose columns are, in reference axes, the radial direction at t = 0, the direction of
   /// motion and the orbit normal: r(t) = cos(nt) column 0 + sin(nt) column 1.
   /// \return `not_finite`, `out_of_range`, `not_a_rotation`; `beyond_domain` if 3n² or 3n²J overflows.
-  [[nodiscard]] static Status make(const RigidBody<Scalar>& body, const Scalar& orbit_rate,
-                                   const Matrix3<Scalar>& orbit, GravityGradient& potential) noexcept {
+  [[nodiscard]] static ELLIPTUDE_SELDOM Status make(const RigidBody<Scalar>& body, const Scalar& orbit_rate,
+                                                    const Matrix3<Scalar>& orbit, GravityGradient& potential) noexcept {
     if (!scalar::isfinite(orbit_rate) || !scalar::all_finite(orbit)) {
       return Status::not_finite;
     }

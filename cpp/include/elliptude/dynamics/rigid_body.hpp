@@ -18,7 +18,7 @@ class RigidBody {
   static constexpr bool is_exact = false;
 
   /// A body with unit inertia.
-  RigidBody() noexcept
+  ELLIPTUDE_SELDOM RigidBody() noexcept
       : inertia_(Matrix3<Scalar>::Identity()),
         inertia_inverse_(Matrix3<Scalar>::Identity()),
         nonstandard_inertia_(scalar::constant<Scalar>(0.5L) * Matrix3<Scalar>::Identity()),
@@ -30,7 +30,7 @@ class RigidBody {
   /// \return `not_finite`, `not_symmetric`, `not_positive_definite`; `beyond_domain` if the sum of the moments or the
   /// inverse overflows; `invalid_inertia` if a principal moment exceeds the sum of the others (equality, a flat body, is
   /// allowed).
-  [[nodiscard]] static Status make(const Matrix3<Scalar>& inertia, RigidBody& body) noexcept {
+  [[nodiscard]] static ELLIPTUDE_SELDOM Status make(const Matrix3<Scalar>& inertia, RigidBody& body) noexcept {
     if (!scalar::all_finite(inertia)) {
       return Status::not_finite;
     }

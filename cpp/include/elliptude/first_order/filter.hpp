@@ -29,8 +29,9 @@ class AttitudeFilter {
 
   /// \param ellipsoid holds the state at `time`.
   /// \return the status of `validate` for the ellipsoid or the criterion; `not_finite` for the time.
-  [[nodiscard]] static Status make(const Flow& flow, const SizeCriterion<Scalar, 6>& criterion, const Scalar& time,
-                                   const StateEllipsoid<State>& ellipsoid, AttitudeFilter& filter) noexcept {
+  [[nodiscard]] static ELLIPTUDE_SELDOM Status make(const Flow& flow, const SizeCriterion<Scalar, 6>& criterion,
+                                                    const Scalar& time, const StateEllipsoid<State>& ellipsoid,
+                                                    AttitudeFilter& filter) noexcept {
     if (!scalar::isfinite(time)) {
       return Status::not_finite;
     }

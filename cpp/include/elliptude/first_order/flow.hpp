@@ -36,11 +36,12 @@ class RigidBodyFlow : public PredictionLimits {
   /// \param order of the integrator: 2, 4, 6 or 8.
   /// \param unknown_torque shape of an ellipsoid about zero, (N m)², body axes: a torque constant over each step and
   /// anything in the ellipsoid from step to step. Zero for none.
-  /// \return `not_finite`; `out_of_range` of the step or the order; `not_symmetric`, `not_positive_definite` of the
-  /// torque.
-  [[nodiscard]] static Status make(const RigidBody<Scalar>& body, const Potential& potential,
-                                   const Scalar& longest_step, int order, const Matrix3<Scalar>& unknown_torque,
-                                   RigidBodyFlow& flow) noexcept {
+  /// \return `not_finite`; `out_of_range` of the step or the order, or of an unknown torque with
+  /// `ELLIPTUDE_ONLY_KNOWN_TORQUES`; `not_symmetric`, `not_positive_definite` of the torque.
+  [[nodiscard]] static ELLIPTUDE_SELDOM Status make(const RigidBody<Scalar>& body, const Potential& potential,
+                                                    const Scalar& longest_step, int order,
+                                                    const Matrix3<Scalar>& unknown_torque,
+                                                    RigidBodyFlow& flow) noexcept {
     if (!scalar::isfinite(longest_step)) {
       return Status::not_finite;
     }
@@ -50,6 +51,9 @@ class RigidBodyFlow : public PredictionLimits {
     if (const Status status = validate(Ellipsoid<Scalar, 3>{Vector3<Scalar>::Zero(), unknown_torque});
         status != Status::ok) {
       return status;
+    }
+    if (only_known_torques && !unknown_torque.isZero(Scalar(0))) {
+      return Status::out_of_range;
     }
     Composition<Scalar> composition;
     if (const Status status = composition_of_order(order, composition); status != Status::ok) {
@@ -111,7 +115,7 @@ class RigidBodyFlow : public PredictionLimits {
     }
     const Scalar h = duration / Scalar(static_cast<scalar::Value<Scalar>>(steps));
 
-    if (!unknown_torque_.isZero(Scalar(0))) {
+    if (!only_known_torques && !unknown_torque_.isZero(Scalar(0))) {
       return predict_pushed(time, h, steps, input, ellipsoid, criterion, prediction);
     }
     State center;

@@ -48,9 +48,10 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
   /// \return `not_finite`; `out_of_range` of the step or of a negative inertia error; `invalid_inertia` if the inertia
   /// error reaches the least principal moment, or rounding might; `not_symmetric`, `not_positive_definite` of the
   /// torque.
-  [[nodiscard]] static Status make(const RigidBody<Scalar>& body, const Potential& potential,
-                                   const Scalar& longest_step, const BodyUncertainty<Scalar>& uncertainty,
-                                   GuaranteedRigidBodyFlow& flow) noexcept {
+  [[nodiscard]] static ELLIPTUDE_SELDOM Status make(const RigidBody<Scalar>& body, const Potential& potential,
+                                                    const Scalar& longest_step,
+                                                    const BodyUncertainty<Scalar>& uncertainty,
+                                                    GuaranteedRigidBodyFlow& flow) noexcept {
     if (!scalar::isfinite(longest_step) || !scalar::isfinite(uncertainty.inertia)) {
       return Status::not_finite;
     }
@@ -208,7 +209,7 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
   }
 
   /// A bound of ‖JX − I‖ of the inverse X as it was computed, so that ‖X⁻¹v‖ ≤ ‖Jv‖/(1 − defect).
-  [[nodiscard]] Scalar defect_of_inverse() const noexcept {
+  [[nodiscard]] ELLIPTUDE_SELDOM Scalar defect_of_inverse() const noexcept {
     const Matrix3<Scalar>& j = body_.inertia();
     const Matrix3<Scalar>& inverse = body_.inertia_inverse();
     const Matrix3<Scalar> residual = j * inverse - Matrix3<Scalar>::Identity();

@@ -32,13 +32,13 @@ class GuaranteedFilter {
 
   /// A filter that knows nothing at `time`.
   /// \return `not_finite`; `out_of_range` of the settings; the status of `validate` for the criterion.
-  [[nodiscard]] static Status make(const Flow& flow, const Settings& settings, const Scalar& time,
-                                   GuaranteedFilter& filter) noexcept {
+  [[nodiscard]] static ELLIPTUDE_SELDOM Status make(const Flow& flow, const Settings& settings, const Scalar& time,
+                                                    GuaranteedFilter& filter) noexcept {
     if (!scalar::isfinite(time)) {
       return Status::not_finite;
     }
-    if (settings.policy > Policy::relaxed || settings.most_wrong < 0 || settings.most_wrong > most_that_are_wrong ||
-        settings.regain_after < 1 || (measures_rate && !settings.estimates_vector)) {
+    if (!is_compiled(settings.policy) || settings.most_wrong < 0 || settings.most_wrong > most_that_are_wrong ||
+        settings.regain_after < 1 || ((measures_rate || only_whole_states) && !settings.estimates_vector)) {
       return Status::out_of_range;
     }
     if (const Status status = validate(settings.criterion); status != Status::ok) {
@@ -147,10 +147,12 @@ class GuaranteedFilter {
   /// Restores a stored filter bit for bit, after `make` with its settings and time, and `bound_vector`.
   /// \param set its set, or null if it did not know the attitude.
   /// \param vector what it knew without the attitude, or null.
-  /// \return `out_of_range` of both, or of a negative count; the status of `start`, but for `empty_intersection`, and
+  /// \return `out_of_range` of both, of a negative count, and of what limits leave out: a vector
+  /// (`ELLIPTUDE_ONLY_WHOLE_STATES`), or dropped measurements (`ELLIPTUDE_ONLY_POLICY`); the status of `start`, but for `empty_intersection`, and
   /// of `bound_vector`.
   [[nodiscard]] Status resume(const Set* set, const Ellipsoid<Scalar, 3>* vector, const Trust& trust) noexcept {
-    if (trust.agreeing_updates() < 0 || trust.disputed_updates() < 0 || (set != nullptr && vector != nullptr)) {
+    if (trust.agreeing_updates() < 0 || trust.disputed_updates() < 0 || (set != nullptr && vector != nullptr) ||
+        (only_whole_states && vector != nullptr) || (!may_drop && trust.rests_on_drops())) {
       return Status::out_of_range;
     }
     if (set != nullptr) {

@@ -50,8 +50,8 @@ class GuaranteedGyroFlow {
 
   /// \return `not_finite`, `out_of_range` of a negative scale error or angular acceleration, and of what is no
   /// `IntervalRate`; `not_symmetric`, `not_positive_definite`.
-  [[nodiscard]] static Status make(const GyroUncertainty<Scalar>& uncertainty, IntervalRate interval_rate,
-                                   GuaranteedGyroFlow& flow) noexcept {
+  [[nodiscard]] static ELLIPTUDE_SELDOM Status make(const GyroUncertainty<Scalar>& uncertainty,
+                                                    IntervalRate interval_rate, GuaranteedGyroFlow& flow) noexcept {
     if (!scalar::isfinite(uncertainty.scale) || !scalar::isfinite(uncertainty.angular_acceleration) ||
         !scalar::isfinite(uncertainty.longest_interval) || !scalar::isfinite(uncertainty.largest_rate)) {
       return Status::not_finite;

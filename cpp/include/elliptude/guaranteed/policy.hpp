@@ -15,6 +15,23 @@ enum class Policy : std::uint8_t {
   relaxed,           ///< let up to k of the measurements of an update be wrong, whether that shows or not
 };
 
+// What a filter's policy is, is known when it is compiled if ELLIPTUDE_ONLY_POLICY names one (`raise`, say), the same in
+// all files of a program: what only others need is then not compiled, and they are refused with `out_of_range`.
+#ifdef ELLIPTUDE_ONLY_POLICY
+inline constexpr Policy default_policy = Policy::ELLIPTUDE_ONLY_POLICY;
+[[nodiscard]] constexpr bool is_policy(Policy /*chosen*/, Policy which) noexcept { return which == default_policy; }
+[[nodiscard]] constexpr bool is_compiled(Policy policy) noexcept { return policy == default_policy; }
+#else
+inline constexpr Policy default_policy = Policy::raise;
+/// Whether the policy that a filter was told is this one.
+[[nodiscard]] constexpr bool is_policy(Policy chosen, Policy which) noexcept { return chosen == which; }
+/// Whether a filter can have this policy.
+[[nodiscard]] constexpr bool is_compiled(Policy policy) noexcept { return policy <= Policy::relaxed; }
+#endif
+/// Whether some policy that is compiled leaves measurements out.
+inline constexpr bool may_drop =
+    is_compiled(Policy::drop_measurement) || is_compiled(Policy::restart) || is_compiled(Policy::relaxed);
+
 /// What the guarantee of a set rests on. A stronger claim is the larger, and memory that is all zero claims nothing.
 enum class Claim : std::uint8_t {
   none,           ///< no set: the attitude is not known

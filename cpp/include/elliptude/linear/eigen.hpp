@@ -23,7 +23,8 @@ struct SymmetricEigen {
 /// \return `not_finite`, or `not_converged` after a bounded number of sweeps (not seen; quadratic convergence takes 4
 /// to 7).
 template <typename Scalar, int N>
-[[nodiscard]] Status symmetric_eigen(const Matrix<Scalar, N>& symmetric, SymmetricEigen<Scalar, N>& eigen) noexcept {
+[[nodiscard]] ELLIPTUDE_SELDOM Status symmetric_eigen(const Matrix<Scalar, N>& symmetric,
+                                                      SymmetricEigen<Scalar, N>& eigen) noexcept {
   if (!scalar::all_finite(symmetric)) {
     return Status::not_finite;
   }
@@ -88,8 +89,8 @@ struct EigenErrors {
 /// what V lacks of being orthonormal adds to R an antisymmetric matrix alone. (theory, section 17.8)
 /// \return infinite errors of values if d is one or more.
 template <typename Scalar, int N>
-[[nodiscard]] EigenErrors<Scalar> eigen_errors(const Matrix<Scalar, N>& symmetric,
-                                               const SymmetricEigen<Scalar, N>& eigen) noexcept {
+[[nodiscard]] ELLIPTUDE_SELDOM EigenErrors<Scalar> eigen_errors(const Matrix<Scalar, N>& symmetric,
+                                                                const SymmetricEigen<Scalar, N>& eigen) noexcept {
   const Matrix<Scalar, N>& v = eigen.vectors;
   const Matrix<Scalar, N> defect = gram_of(v) - Matrix<Scalar, N>::Identity();
   const Scalar vectors = defect.norm() + rounding::share<Scalar>(rounding::eigen_defect(N));

@@ -41,7 +41,7 @@ template <typename Scalar>
 /// By one-sided Jacobi rotations (Hestenes). For a matrix of rank one the second vectors are arbitrary.
 /// \return `not_finite`; `out_of_range` for the zero matrix; `not_converged`.
 template <typename Scalar>
-[[nodiscard]] Status rotation_svd(const Matrix3<Scalar>& a, RotationSvd<Scalar>& svd) noexcept {
+[[nodiscard]] ELLIPTUDE_SELDOM Status rotation_svd(const Matrix3<Scalar>& a, RotationSvd<Scalar>& svd) noexcept {
   if (!scalar::all_finite(a)) {
     return Status::not_finite;
   }

@@ -92,7 +92,7 @@ template <typename Scalar>
       return invalid;
     }
   }
-  if (measurements.attitude != nullptr) {
+  if (!only_directions && measurements.attitude != nullptr) {
     Quadric<Scalar, 3> quadric;
     if (const Status invalid = to_quadric(measurements.attitude->attitude, *measurements.attitude, quadric);
         invalid != Status::ok) {

@@ -26,10 +26,11 @@ template <typename State>
   using Scalar = StateScalar<State>;
   using Past = typename SetSolver<State>::Past;
   const Knowledge<State>& known = solver.known;
-  if (policy != Policy::drop_measurement && policy != Policy::restart) {
+  const bool restarts = is_policy(policy, Policy::restart);
+  if (!restarts && !is_policy(policy, Policy::drop_measurement)) {
     return Status::empty_intersection;
   }
-  if (policy == Policy::restart && (known.has_attitude || known.has_vector)) {
+  if (restarts && (known.has_attitude || known.has_vector)) {
     Solution<State> alone;
     const Status status = solver.solve(all, Past::forgotten, nullptr, alone);
     count_fusion(alone.fusion, result);

@@ -39,13 +39,17 @@ struct FilterMemory {
     claim = Claim::none;
   }
 
+  [[nodiscard]] bool has_policy(Policy policy) const noexcept { return is_policy(settings.policy, policy); }
+
   [[nodiscard]] bool may_be_wrong() const noexcept {
-    return most_that_are_wrong > 0 && settings.policy == Policy::relaxed && settings.most_wrong > 0;
+    return most_that_are_wrong > 0 && has_policy(Policy::relaxed) && settings.most_wrong > 0;
   }
 
   /// Whether the vector is left to its bound: the set is then a product of the attitude's and of that.
   /// (theory, section 16.7)
-  [[nodiscard]] bool leaves_vector() const noexcept { return !settings.estimates_vector && known.has_vector_bound; }
+  [[nodiscard]] bool leaves_vector() const noexcept {
+    return !only_whole_states && !settings.estimates_vector && known.has_vector_bound;
+  }
 
   [[nodiscard]] Claim present_claim() const noexcept {
     return !known.has_attitude ? Claim::none : trust.rests_on_drops() ? Claim::conditional : Claim::unconditional;

@@ -43,7 +43,7 @@ class FilterPrediction {
     if (filter_.known.has_attitude) {
       const Status status = predict_set(time, move);
       if (status == Status::ok || status == Status::interrupted ||
-          (status != Status::unbounded && (filter_.settings.policy == Policy::raise || !predicts_another(move)))) {
+          (status != Status::unbounded && (filter_.has_policy(Policy::raise) || !predicts_another(move)))) {
         return status;
       }
     }
@@ -71,11 +71,11 @@ class FilterPrediction {
   [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status predict_vector(const Scalar& time, const Scalar& duration,
                                                             const Input& input) noexcept {
     Ellipsoid<Scalar, 3> vector = filter_.known_vector();
-    bool has_vector = filter_.settings.estimates_vector && filter_.knows_vector();
+    bool has_vector = !only_whole_states && filter_.settings.estimates_vector && filter_.knows_vector();
     if (has_vector) {
       const Status status = filter_.flow.predict_vector(filter_.time, duration, input, vector, vector);
       // What was given so flat that its factor is rounding has none after a turn: nothing can be made of it.
-      const bool is_flat = status == Status::not_positive_definite && filter_.settings.policy != Policy::raise;
+      const bool is_flat = status == Status::not_positive_definite && !filter_.has_policy(Policy::raise);
       if (status != Status::ok && status != Status::beyond_domain && !is_flat) {
         return status;
       }
@@ -131,12 +131,12 @@ class FilterPrediction {
   }
 
   [[nodiscard]] Status beyond_all_turns() const noexcept {
-    return filter_.settings.policy == Policy::raise ? Status::out_of_range : Status::unbounded;
+    return filter_.has_policy(Policy::raise) ? Status::out_of_range : Status::unbounded;
   }
 
   /// Whether a prediction fails because of the set and not because of the input: a small set at rest can be predicted.
   template <typename Move>
-  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool predicts_another(const Move& move) const noexcept {
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE ELLIPTUDE_SELDOM bool predicts_another(const Move& move) const noexcept {
     Set another{{filter_.known.set.center.attitude, Vector3<Scalar>::Zero()}, Matrix6<Scalar>::Identity()};
     another.shape *= scalar::constant<Scalar>(1e-6L);
     Set ignored;

@@ -43,7 +43,8 @@ class FilterUpdate {
     update.claim = filter_.claim;
     if (measurements.direction_count > most_directions ||
         (measurements.direction_count > 0 && measurements.directions == nullptr) ||
-        (!Memory::measures_rate && measurements.angular_velocity != nullptr)) {
+        (!Memory::measures_rate && measurements.angular_velocity != nullptr) ||
+        (only_directions && measurements.attitude != nullptr)) {
       return Status::out_of_range;
     }
     const Sensors given = sensors::present(measurements);
@@ -137,8 +138,8 @@ class FilterUpdate {
       return status;
     }
     if (!in_domain(Ellipsoid<Scalar, 3>{rate.value, rate.bound})) {
-      if (filter_.settings.policy == Policy::raise ||
-          (filter_.settings.policy == Policy::relaxed && filter_.settings.most_wrong == 0)) {
+      if (filter_.has_policy(Policy::raise) ||
+          (filter_.has_policy(Policy::relaxed) && filter_.settings.most_wrong == 0)) {
         return Status::out_of_range;
       }
       beyond = angular_velocity_bit;
@@ -165,7 +166,7 @@ class FilterUpdate {
       const bool contradicted = result.margin < Scalar(0) || (!filter_.may_be_wrong() && result.dropped != 0);
       trust.count(contradicted, bounded || filter_.known.has_attitude || filter_.known.has_vector);
     }
-    if (trust.past_is_due(filter_.settings.regain_after)) {
+    if (may_drop && trust.past_is_due(filter_.settings.regain_after)) {
       Solution alone;
       const Status status = filter_.solver_of(measurements).solve(all, Past::forgotten, nullptr, alone);
       count_fusion(alone.fusion, result);
@@ -179,7 +180,7 @@ class FilterUpdate {
     }
     Ellipsoid<Scalar, 3> vector = filter_.known.vector;
     bool has_vector = filter_.known.has_vector;
-    if (!bounded && !filter_.known.has_attitude && !filter_.may_be_wrong() &&
+    if (!only_whole_states && !bounded && !filter_.known.has_attitude && !filter_.may_be_wrong() &&
         (all & angular_velocity_bit & ~result.dropped) != 0) {
       if (const Status status = take_up(*measurements.angular_velocity, trust, vector, has_vector, result);
           status != Status::ok) {
@@ -212,7 +213,7 @@ class FilterUpdate {
   void keep_constraints(const Measurements<Scalar>& measurements, Sensors used, bool with_prediction,
                         const Matrix3<Scalar>& center) noexcept {
     filter_.constraints.count = 0;
-    if (!filter_.settings.keeps_constraints) {
+    if (most_questioned == 0 || !filter_.settings.keeps_constraints) {
       return;
     }
     Quadric<Scalar, 3> quadric;
@@ -225,7 +226,8 @@ class FilterUpdate {
         filter_.constraints.add(quadric);
       }
     }
-    if ((used & attitude_bit) != 0 && to_quadric(center, *measurements.attitude, quadric) == Status::ok) {
+    if (!only_directions && (used & attitude_bit) != 0 &&
+        to_quadric(center, *measurements.attitude, quadric) == Status::ok) {
       filter_.constraints.add(quadric);
     }
   }
@@ -246,14 +248,14 @@ class FilterUpdate {
     Status status = common_vector(sets, present + (has_vector ? 1 : 0), next, result.margin);
     if (status != Status::ok) {
       result.contradicting = status == Status::empty_intersection ? angular_velocity_bit : 0;
-      if (filter_.settings.policy != Policy::drop_measurement && filter_.settings.policy != Policy::restart) {
+      if (!filter_.has_policy(Policy::drop_measurement) && !filter_.has_policy(Policy::restart)) {
         return status;
       }
       trust = filter_.trust;
       trust.count(true, has_vector);
     }
-    const bool is_due = trust.past_is_due(filter_.settings.regain_after);
-    if (is_due || (status != Status::ok && filter_.settings.policy == Policy::restart)) {
+    const bool is_due = may_drop && trust.past_is_due(filter_.settings.regain_after);
+    if (is_due || (status != Status::ok && filter_.has_policy(Policy::restart))) {
       Ellipsoid<Scalar, 3> alone;
       Scalar margin(1);
       // Where there is none, as rounding may have it of sets that hardly meet, the past is kept with what came of it.

@@ -15,8 +15,10 @@ struct KeptConstraints {
   std::size_t count = 0;
 
   void add(const Quadric<Scalar, 3>& quadric) noexcept {
-    if (count < most_questioned) {
-      quadrics[count++] = quadric;
+    if constexpr (most_questioned > 0) {
+      if (count < most_questioned) {
+        quadrics[count++] = quadric;
+      }
     }
   }
 };

@@ -92,13 +92,13 @@ class SetSolver {
     } else if (const Status status = measured_center(selected, past, solution.center); status != Status::ok) {
       return sensors::checked(measurements, status);
     }
-    return estimates_vector ? solve_state(selected, past, with_prediction, solution)
-                            : solve_attitude(selected, with_prediction, solution);
+    return only_whole_states || estimates_vector ? solve_state(selected, past, with_prediction, solution)
+                                                 : solve_attitude(selected, with_prediction, solution);
   }
 
   /// A center for coordinates where there is no prediction: any will do, one near the truth does best. Only what is
   /// selected may choose it, and of the vector what is known best: seen from far away a sharp set is lost in rounding.
-  [[nodiscard]] Status measured_center(Sensors selected, Past past, State& center) const noexcept {
+  [[nodiscard]] ELLIPTUDE_SELDOM Status measured_center(Sensors selected, Past past, State& center) const noexcept {
     Vector3<Scalar> vector = Vector3<Scalar>::Zero();
     Scalar least_trace(std::numeric_limits<scalar::Value<Scalar>>::infinity());
     const auto offer = [&](const Vector3<Scalar>& value, const Matrix3<Scalar>& shape) {
@@ -117,7 +117,7 @@ class SetSolver {
       offer(known.vector_bound.center, known.vector_bound.shape);
     }
     Matrix3<Scalar> attitude;
-    if ((selected & attitude_bit) != 0) {
+    if (!only_directions && (selected & attitude_bit) != 0) {
       // Within `rotation_tolerance`, but cones hold about a rotation to rounding.
       attitude = renormalized(measurements.attitude->attitude);
     } else {
@@ -179,7 +179,7 @@ class SetSolver {
         return status;
       }
     }
-    if ((selected & attitude_bit) != 0) {
+    if (!only_directions && (selected & attitude_bit) != 0) {
       if (const Status status = to_quadric(attitude, *measurements.attitude, quadric); status != Status::ok) {
         return status;
       }
@@ -213,7 +213,7 @@ class SetSolver {
     const Ellipsoid<Scalar, 6> predicted = known.set.in_coordinates();
     const Status status =
         detail::fuse(with_prediction ? &predicted : nullptr, quadrics.data(), count, criterion, solution.fusion);
-    if (status == Status::unbounded) {
+    if (!only_whole_states && status == Status::unbounded) {
       // What leaves the state open may still contradict itself: two directions, where nothing tells the vector.
       const Status alone = solve_attitude(selected, false, solution);
       return alone == Status::empty_intersection ? alone : status;
@@ -239,7 +239,7 @@ class SetSolver {
         ++count;
       }
     }
-    if ((selected & attitude_bit) != 0) {
+    if (!only_directions && (selected & attitude_bit) != 0) {
       if (const Status status = to_quadric(attitude, *measurements.attitude, quadrics[count]); status != Status::ok) {
         return status;
       }
