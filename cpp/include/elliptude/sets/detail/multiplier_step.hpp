@@ -81,15 +81,17 @@ class MultiplierStep {
     }
     length_ = Scalar(1);
     slope_ = Scalar(0);
-    gain_ = Scalar(0);
     left_ = Scalar(0);
-    const Scalar half = scalar::constant<Scalar>(0.5L);
+    Scalar held(0);  // by bounds: the model's derivative at the end is zero for the others
     for (std::size_t k = 0; k < count_; ++k) {
-      const Scalar there = slope_at(k);
       slope_ += gradient[k] * move_[k];
-      gain_ -= half * (gradient[k] + there) * move_[k];
-      left_ += at_bound_[k] ? Scalar((multipliers[k] + lowest_[k]) * there) : Scalar(0);
+      if (at_bound_[k]) {
+        const Scalar there = slope_at(k);
+        held += there * move_[k];
+        left_ += there * (multipliers[k] + lowest_[k]);
+      }
     }
+    gain_ = scalar::constant<Scalar>(-0.5L) * (slope_ + held);
     return slope_ < Scalar(0) && gain_ > scalar::constant<Scalar>(0.9L) * accuracy;  // F is not quite its model
   }
 
@@ -153,16 +155,19 @@ class MultiplierStep {
   /// The model's derivative at the end of the step.
   [[nodiscard]] Scalar slope_at(std::size_t k) const noexcept {
     Scalar sum = gradient[k];
-    for (std::size_t j = 0; j < count_; ++j) {
-      sum += curvature(k, j) * move_[j];
+    for (std::size_t j = 0; j <= k; ++j) {
+      sum += hessian[k * most + j] * move_[j];
+    }
+    for (std::size_t j = k + 1; j < count_; ++j) {
+      sum += hessian[j * most + k] * move_[j];
     }
     return sum;
   }
 
-  /// The best step by guessing which multipliers are at their bounds, until the guess is right.
+  /// The best step by guessing which multipliers are at their bounds, at first those of the step before, until the guess is
+  /// right.
   /// \return whether it was after a few rounds, as it nearly always is.
   [[nodiscard]] bool settle_bounds() noexcept {
-    std::fill_n(at_bound_.begin(), count_, false);
     constexpr int most_rounds = 5;
     for (int round = 0; round < most_rounds; ++round) {
       solve();
@@ -273,7 +278,7 @@ class MultiplierStep {
   Scalar fall_ = most_fall_;                                  // by which it may now
   Multipliers lowest_;                                        // what Δμ may be
   Multipliers move_;                                          // Δμ
-  std::array<bool, most> at_bound_;
+  std::array<bool, most> at_bound_{};
   Scalar slope_;   // of F along Δμ
   Scalar gain_;    // that the model promises
   Scalar left_;    // of what multipliers at their bounds would gain at zero
