@@ -225,7 +225,7 @@ bool search(const char* name, const Tried& tried, double lies, long tries, Rando
               most.fusions, most.steps);
   std::fflush(stdout);
   const int n = directions + 1;
-  return most.fusions <= 1 + n + n * (n - 1) / 2 + 1 + n && most.steps <= 20 * most.fusions;
+  return most.fusions <= 1 + n + n * (n - 1) / 2 + 1 + n && most.steps <= 12 * most.fusions;
 }
 
 }  // namespace

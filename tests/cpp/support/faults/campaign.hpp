@@ -88,7 +88,7 @@ class Supervisor {
       outcome_.broken = "ok, and a set that is not finite, not positive definite, or about no rotation";
     }
     // Five directions and a rate: all, without one, without two, alone, and what regaining takes. (docs/flight.md, Loops)
-    if (answer.fusions > 1 + 6 + 15 + 8 || answer.steps > 20 * answer.fusions) {
+    if (answer.fusions > 1 + 6 + 15 + 8 || answer.steps > 12 * answer.fusions) {
       outcome_.broken = "more fusions or steps than there may be";
     }
     refused_ = refused_ || answer.status != ELLIPTUDE_OK;

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// The search for the multipliers of guaranteed fusion, by a primal-dual interior-point method. (theory, section 16)
+/// The search for the multipliers of guaranteed fusion, by Newton's method with bounds. (theory, section 16)
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/sets/detail/many_quadrics.hpp"
@@ -9,9 +9,9 @@
 
 namespace elliptude::detail {
 
-/// Minimises F over μ ≥ 0 by a primal-dual interior-point method: each step solves (∇²F + diag(zₖ/μₖ)) Δμ = t/μ − ∇F
-/// with a target tₖ for each μₖzₖ, stays inside μ > 0 and A ≻ 0, and is followed by the best scale. Every iterate is a
-/// valid bound, and the best is kept.
+/// Minimises F over μ > 0 by Newton's method: each step is the best for a quadratic model of F among those that leave each
+/// multiplier a share of what it was, is taken if F at its best scale falls, and is followed by that scale. Every iterate
+/// is a valid bound, and the best is kept.
 template <typename Scalar, int N>
 class MultiplierSearch {
  public:
@@ -33,7 +33,7 @@ class MultiplierSearch {
 
   /// \return `empty_intersection` with `best()` the proof.
   [[nodiscard]] Status run() noexcept {
-    constexpr int most_steps = 20;
+    constexpr int most_steps = 12;
     for (int step = 0; step <= most_steps; ++step) {
       steps_ = step;
       note_margin(step == 0);
@@ -42,15 +42,12 @@ class MultiplierSearch {
         return Status::empty_intersection;
       }
       best_ = now_->size < best_->size ? now_ : best_;
-      ended_by_limit_ = step == most_steps;
-      if (!(now_->level > now_->rounding) || ended_by_limit_) {
+      ended_by_limit_ = step == most_steps && !is_done_;
+      if (!(now_->level > now_->rounding) || ended_by_limit_ || is_done_) {
         break;
       }
       bring_to_best_scale();
       problem_.gradient(*now_, v_, step_.gradient);
-      if (step == 0) {
-        step_.start_duals(N, now_->multipliers);
-      }
       if (!take_step()) {
         break;
       }
@@ -82,7 +79,6 @@ class MultiplierSearch {
     for (std::size_t k = 0; k < count_; ++k) {
       it.multipliers[k] *= t;
     }
-    step_.scale_duals(t);
     it.level *= t;
     it.rounding *= t;
     it.inverse *= Scalar(1) / t;
@@ -93,7 +89,7 @@ class MultiplierSearch {
   /// \return whether there was a step worth it, and it could be taken.
   [[nodiscard]] bool take_step() noexcept {
     const Iterate& it = *now_;
-    const Scalar accuracy = tolerance_ + it.rounding;
+    const Scalar accuracy = tolerance_ + scalar::constant<Scalar>(0.1L) * it.rounding;
     const bool exchange = step_.may_exchange(it.multipliers, accuracy);
     Multipliers curvature;
     if (!exchange) {
@@ -105,42 +101,34 @@ class MultiplierSearch {
       }
     }
     problem_.hessian(it, v_, step_.gradient, step_.hessian.data());
-    for (std::size_t k = 0; !exchange && k < count_; ++k) {
-      const Scalar trace = it.slack[k] - step_.gradient[k];
-      curvature[k] = step_.hessian[k * Problem::most + k] - trace * trace / Scalar(N);
-    }
-    const bool worth_it = exchange || step_.may_gain(it.multipliers, curvature, accuracy);
-    return step_.find(it.multipliers, accuracy, worth_it) && search_along_step();
+    return step_.find(it.multipliers, accuracy) && search_along_step();
   }
 
-  /// F − τ Σ log μ must fall along the step, which is shortened until it does.
+  /// F at its best scale must fall along the step, which is made more careful until it does.
   /// \return whether it falls; the next iterate is then `now_`.
   [[nodiscard]] bool search_along_step() noexcept {
     const Iterate& it = *now_;
-    const Scalar value = it.level + it.barrier;
+    const Scalar value = it.size;
     const Scalar noise = rounding::share<Scalar>(rounding::objective) * (Scalar(1) + scalar::abs(value)) + it.rounding;
     Multipliers from;
     std::copy_n(it.multipliers.begin(), count_, from.begin());
     now_ = best_ == &iterates_[0] ? &iterates_[1] : &iterates_[0];
     constexpr int most_trials = 12;
-    bool accepted = false;
-    for (int trial = 0; trial < most_trials && !accepted; ++trial) {
+    for (int trial = 0; trial < most_trials; ++trial) {
       Multipliers next;
-      const Scalar ratios = step_.put_end(from, next);
-      if (problem_.combine(next, *now_) != Status::ok) {
-        step_.shorten();
-        continue;
+      step_.put_end(from, next);
+      const bool is_bound = problem_.combine(next, *now_) == Status::ok;
+      const Scalar change = is_bound ? Scalar(now_->size - value) : Scalar(0);
+      if (is_bound && (step_.falls(change, noise) || now_->level + now_->rounding < Scalar(0))) {
+        is_done_ = step_.is_last(change, tolerance_);
+        step_.begin_anew();
+        return true;
       }
-      const Scalar change = now_->level + now_->barrier - value - ratios;
-      accepted = step_.falls(change, noise) || now_->level + now_->rounding < Scalar(0);
-      if (!accepted) {
-        step_.shorten(change);
+      if (!step_.retry(from, is_bound ? &change : nullptr)) {
+        return false;
       }
     }
-    if (accepted) {
-      step_.take_duals();
-    }
-    return accepted;
+    return false;
   }
 
   const Problem& problem_;
@@ -156,6 +144,7 @@ class MultiplierSearch {
   Scalar margin_;
   int steps_ = 0;
   bool ended_by_limit_ = false;
+  bool is_done_ = false;  // whether the last step left no more than the tolerance
   Matrix<Scalar, N> v_;
 };
 

@@ -15,47 +15,6 @@
 
 namespace elliptude::detail {
 
-/// A positive definite H as L diag(1/p) Lᵀ with a unit lower triangle L, in place: L below the diagonal of H, of which
-/// the lower triangle is read, p on it, and Lᵀ without the division by pivots above it.
-/// \return whether H is positive definite.
-template <typename Scalar>
-[[nodiscard]] bool factor_in_place(Scalar* h, std::size_t stride, std::size_t count) noexcept {
-  for (std::size_t j = 0; j < count; ++j) {
-    for (std::size_t i = j; i < count; ++i) {
-      Scalar sum = h[i * stride + j];
-      for (std::size_t k = 0; k < j; ++k) {
-        sum -= h[i * stride + k] * h[k * stride + j];
-      }
-      if (i == j) {
-        if (!(sum > Scalar(0))) {
-          return false;
-        }
-        h[j * stride + j] = Scalar(1) / sum;
-      } else {
-        h[j * stride + i] = sum;
-        h[i * stride + j] = sum * h[j * stride + j];
-      }
-    }
-  }
-  return true;
-}
-
-/// x = H⁻¹ b in place of b, with what `factor_in_place` has left.
-template <typename Scalar>
-void solve_in_place(const Scalar* factor, std::size_t stride, std::size_t count, Scalar* b) noexcept {
-  for (std::size_t i = 1; i < count; ++i) {
-    for (std::size_t k = 0; k < i; ++k) {
-      b[i] -= factor[i * stride + k] * b[k];
-    }
-  }
-  for (std::size_t i = count; i-- > 0;) {
-    b[i] *= factor[i * stride + i];
-    for (std::size_t k = i + 1; k < count; ++k) {
-      b[i] -= factor[k * stride + i] * b[k];
-    }
-  }
-}
-
 /// How much of a step stays above zero, up to a share of the way there.
 /// \param from, along arrays of `count` numbers, the first positive.
 template <typename Scalar, std::size_t Most>
@@ -70,33 +29,19 @@ template <typename Scalar, std::size_t Most>
   return length;
 }
 
-/// A step of Mehrotra's predictor and corrector: Δμ with (∇²F + diag(zₖ/μₖ)) Δμ = t/μ − ∇F, for a target tₖ of each
-/// μₖzₖ. Each function is given the multipliers μ of now.
+/// A step of Newton's method for multipliers that stay above zero: the Δμ that is best for ∇Fᵀ Δμ + ½ Δμᵀ ∇²F Δμ among
+/// those that take no multiplier lower than a share of what it is.
 template <typename Scalar>
 class MultiplierStep {
  public:
   static constexpr std::size_t most = most_quadrics + 1;
   using Multipliers = std::array<Scalar, most>;
 
-  Multipliers gradient;                     ///< ∇F
-  std::array<Scalar, most * most> hessian;  ///< ∇²F, the lower triangle, in rows of length `most`; `find` factors it
+  Multipliers gradient;  ///< ∇F
+  /// ∇²F, the lower triangle, in rows of length `most`. Above the diagonal is room for a factor.
+  std::array<Scalar, most * most> hessian;
 
   explicit MultiplierStep(std::size_t count) noexcept : count_(count) {}
-
-  /// The first zₖ.
-  /// \param numbers of the ellipsoid.
-  void start_duals(int numbers, const Multipliers& multipliers) noexcept {
-    for (std::size_t k = 0; k < count_; ++k) {
-      const Scalar least = scalar::constant<Scalar>(0.002L) * Scalar(numbers) / (Scalar(count_) * multipliers[k]);
-      z_[k] = gradient[k] > least ? gradient[k] : least;
-    }
-  }
-  /// The zₖ of multipliers t times as large.
-  void scale_duals(const Scalar& t) noexcept {
-    for (std::size_t k = 0; k < count_; ++k) {
-      z_[k] /= t;
-    }
-  }
 
   /// Exchanges of constraints that are alike gain more than each multiplier alone: for these Σμg of those that would
   /// fall, as ∇Fᵀμ = 0.
@@ -126,138 +71,218 @@ class MultiplierStep {
     return !(gain <= accuracy);
   }
 
-  /// \param worth_it whether to take it even if its own gain is less than the accuracy.
-  /// \return whether there is one, and it is worth it.
-  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool find(const Multipliers& multipliers, const Scalar& accuracy,
-                                                bool worth_it) noexcept {
+  /// \return whether there is one that promises to gain more than the accuracy.
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool find(const Multipliers& multipliers, const Scalar& accuracy) noexcept {
     for (std::size_t k = 0; k < count_; ++k) {
-      hessian[k * most + k] += z_[k] / multipliers[k];
+      lowest_[k] = -fall_ * multipliers[k];
     }
-    if (!factor_in_place(hessian.data(), most, count_)) {
-      return false;
+    if (!settle_bounds()) {
+      meet_bounds();
     }
-    Multipliers target;
-    std::fill_n(target.begin(), count_, Scalar(0));
-    aim_at(multipliers, target);
-    Scalar fall(0);  // of F along its tangent: no less than what the whole step would gain
+    length_ = Scalar(1);
+    slope_ = Scalar(0);
+    left_ = Scalar(0);
+    Scalar held(0);  // by bounds: the model's derivative at the end is zero for the others
     for (std::size_t k = 0; k < count_; ++k) {
-      fall -= gradient[k] * move_[k];
-    }
-    if (fall <= accuracy && !worth_it) {
-      return false;
-    }
-    tau_ = target_product(multipliers);
-    correct(multipliers, target);
-    const Scalar inside = scalar::constant<Scalar>(0.99L);
-    length_ = longest_step(multipliers, move_, count_, inside);
-    dual_ = longest_step(z_, dz_, count_, inside);
-    return true;
-  }
-
-  /// The multipliers at the end of the step, which `shorten` may have shortened.
-  /// \return what F − τ Σ log μ has of τ Σ log μ more there.
-  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Scalar put_end(const Multipliers& from, Multipliers& next) const noexcept {
-    Scalar ratios(0);
-    Scalar ratio(1);
-    for (std::size_t k = 0; k < count_; ++k) {
-      next[k] = from[k] + length_ * move_[k];
-      ratio *= next[k] / from[k];
-      if (k % 8 == 7 || k + 1 == count_) {  // the logarithm of a product that neither overflows nor vanishes
-        ratios += scalar::log(ratio);
-        ratio = Scalar(1);
+      slope_ += gradient[k] * move_[k];
+      if (at_bound_[k]) {
+        const Scalar there = slope_at(k);
+        held += there * move_[k];
+        left_ += there * (multipliers[k] + lowest_[k]);
       }
     }
-    return tau_ * ratios;
+    gain_ = scalar::constant<Scalar>(-0.5L) * (slope_ + held);
+    return slope_ < Scalar(0) && gain_ > scalar::constant<Scalar>(0.9L) * accuracy;  // F is not quite its model
   }
 
-  /// Where A is not positive definite at the end.
-  void shorten() noexcept { length_ *= scalar::constant<Scalar>(0.25L); }
-  /// Where F − τ Σ log μ changes by this: to the minimum of the parabola through what is known of it.
-  /// \return whether it falls, but for noise. It is not shortened then.
+  /// The multipliers at the end of the step. The first time each that grows does so as if ∂F were linear in 1/μ, as it is
+  /// where a constraint is all that bounds a coordinate: from μ and Δμ to μ²/(μ − Δμ), and no more than as far again.
+  ELLIPTUDE_OUT_OF_LINE void put_end(const Multipliers& from, Multipliers& next) const noexcept {
+    const Scalar half = scalar::constant<Scalar>(0.5L);
+    for (std::size_t k = 0; k < count_; ++k) {
+      const Scalar move = length_ * move_[k];
+      next[k] = from[k] + move;
+      if (failures_ == 0 && move > Scalar(0)) {
+        next[k] += move < half * from[k] ? Scalar(move * move / (from[k] - move)) : Scalar(half * from[k]);
+      }
+    }
+  }
+
+  /// \return whether F at its best scale changed by this as it has to, but for noise.
   [[nodiscard]] bool falls(const Scalar& change, const Scalar& noise) const noexcept {
     return change <= scalar::constant<Scalar>(1e-3L) * length_ * slope_ + noise;
   }
-  void shorten(const Scalar& change) noexcept {
-    const Scalar parabola = Scalar(-0.5) * slope_ * length_ * length_ / (change - slope_ * length_);
+  /// Whether a step that changed F by this was as good as it promised, and short: another one would gain about the
+  /// square of its gain, and what multipliers at their bounds are kept from.
+  [[nodiscard]] bool is_last(const Scalar& change, const Scalar& accuracy) const noexcept {
+    return failures_ == 0 && gain_ <= scalar::constant<Scalar>(0.01L) &&
+           scalar::abs(Scalar(change + gain_)) + left_ <= accuracy;
+  }
+
+  /// After a step that was taken.
+  void begin_anew() noexcept {
+    if (failures_ == 0) {
+      fall_ = fall_ > scalar::constant<Scalar>(0.5L) ? most_fall_ : Scalar(Scalar(2) * fall_);
+    }
+    failures_ = 0;
+  }
+  /// A more careful step: multipliers fall less, and then the step is shorter, by the parabola through what is known of F.
+  /// \param change of F, or null where A is not positive definite.
+  /// \return whether there is one.
+  [[nodiscard]] bool retry(const Multipliers& multipliers, const Scalar* change) noexcept {
+    ++failures_;
+    constexpr int most_searches = 3;
+    if (failures_ <= most_searches) {
+      fall_ = fall_ > scalar::constant<Scalar>(0.9L) ? scalar::constant<Scalar>(0.8L)
+                                                     : Scalar(scalar::constant<Scalar>(0.4L) * fall_);
+      return find(multipliers, Scalar(0));
+    }
+    if (change == nullptr) {
+      length_ *= scalar::constant<Scalar>(0.25L);
+      return true;
+    }
+    const Scalar parabola = Scalar(-0.5) * slope_ * length_ * length_ / (*change - slope_ * length_);
     const Scalar least = scalar::constant<Scalar>(0.1L) * length_;
     const Scalar most_of_it = scalar::constant<Scalar>(0.5L) * length_;
     length_ = parabola < most_of_it ? (parabola > least ? parabola : least) : most_of_it;
-  }
-
-  /// The zₖ at the end.
-  void take_duals() noexcept {
-    for (std::size_t k = 0; k < count_; ++k) {
-      z_[k] += dual_ * dz_[k];
-    }
+    return true;
   }
 
  private:
-  /// The step that takes all μₖzₖ to their targets, linearized.
-  ELLIPTUDE_OUT_OF_LINE void aim_at(const Multipliers& multipliers, const Multipliers& target) noexcept {
-    for (std::size_t k = 0; k < count_; ++k) {
-      move_[k] = target[k] / multipliers[k] - gradient[k];
+  [[nodiscard]] const Scalar& curvature(std::size_t i, std::size_t j) const noexcept {
+    return hessian[std::max(i, j) * most + std::min(i, j)];
+  }
+  /// The model's derivative at the end of the step.
+  [[nodiscard]] Scalar slope_at(std::size_t k) const noexcept {
+    Scalar sum = gradient[k];
+    for (std::size_t j = 0; j <= k; ++j) {
+      sum += hessian[k * most + j] * move_[j];
     }
-    solve_in_place(hessian.data(), most, count_, move_.data());
-    for (std::size_t k = 0; k < count_; ++k) {
-      dz_[k] = (target[k] - z_[k] * move_[k]) / multipliers[k] - z_[k];
+    for (std::size_t j = k + 1; j < count_; ++j) {
+      sum += hessian[j * most + k] * move_[j];
     }
+    return sum;
   }
 
-  /// What all μₖzₖ are to become: a step straight at the optimum shows how far one gets, and so how much to keep away
-  /// from the boundary.
-  [[nodiscard]] Scalar target_product(const Multipliers& multipliers) const noexcept {
-    Scalar gap(0);
-    Scalar defect(0);
-    for (std::size_t k = 0; k < count_; ++k) {
-      gap += multipliers[k] * z_[k];
-      defect += multipliers[k] * scalar::abs(Scalar(gradient[k] - z_[k]));
+  /// The best step by guessing which multipliers are at their bounds, at first those of the step before, until the guess is
+  /// right.
+  /// \return whether it was after a few rounds, as it nearly always is.
+  [[nodiscard]] bool settle_bounds() noexcept {
+    constexpr int most_rounds = 5;
+    for (int round = 0; round < most_rounds; ++round) {
+      solve();
+      bool changed = false;
+      for (std::size_t k = 0; k < count_; ++k) {
+        const bool is = at_bound_[k] ? slope_at(k) >= Scalar(0) : move_[k] < lowest_[k];
+        changed = changed || is != at_bound_[k];
+        at_bound_[k] = is;
+      }
+      if (!changed) {
+        return true;
+      }
     }
-    const Scalar straight_primal = longest_step(multipliers, move_, count_, Scalar(1));
-    const Scalar straight_dual = longest_step(z_, dz_, count_, Scalar(1));
-    Scalar left(0);
-    for (std::size_t k = 0; k < count_; ++k) {
-      left += (multipliers[k] + straight_primal * move_[k]) * (z_[k] + straight_dual * dz_[k]);
-    }
-    const Scalar ratio_left = left / gap;
-    const Scalar least_center = scalar::constant<Scalar>(1e-4L);
-    const Scalar most_center = scalar::constant<Scalar>(0.3L);
-    Scalar center = ratio_left * ratio_left * ratio_left;
-    center = center > least_center ? center : least_center;
-    center = center < most_center ? center : most_center;
-    return center * (gap + defect) / Scalar(count_);
+    return false;
   }
 
-  /// Aims at products τ less what they would miss in second order, or, where that is too much, at τ: the slope is then
-  /// negative.
-  void correct(const Multipliers& multipliers, Multipliers& target) noexcept {
-    for (std::size_t k = 0; k < count_; ++k) {
-      target[k] = tau_ - move_[k] * dz_[k];
+  /// The best step by a way along which the model falls: towards the best for the bounds that are met until the next is met,
+  /// and where it ends, without the bound that holds it back most. A step that lowers the model, if the rounds end before.
+  ELLIPTUDE_OUT_OF_LINE void meet_bounds() noexcept {
+    std::fill_n(at_bound_.begin(), count_, false);
+    Multipliers reached;
+    std::fill_n(reached.begin(), count_, Scalar(0));
+    const std::size_t most_rounds = 3 * count_;
+    for (std::size_t round = 0; round < most_rounds; ++round) {
+      solve();
+      Scalar share(1);
+      std::size_t met = count_;
+      for (std::size_t k = 0; k < count_; ++k) {
+        const Scalar way = move_[k] - reached[k];
+        if (!at_bound_[k] && reached[k] + share * way < lowest_[k]) {
+          share = (lowest_[k] - reached[k]) / way;
+          met = k;
+        }
+      }
+      for (std::size_t k = 0; k < count_; ++k) {
+        reached[k] += share * (move_[k] - reached[k]);
+      }
+      if (met < count_) {
+        at_bound_[met] = true;
+        continue;
+      }
+      Scalar least(0);
+      for (std::size_t k = 0; k < count_; ++k) {
+        const Scalar slope = at_bound_[k] ? slope_at(k) : Scalar(0);
+        met = slope < least ? k : met;
+        least = slope < least ? slope : least;
+      }
+      if (met == count_) {
+        return;
+      }
+      at_bound_[met] = false;
     }
-    aim_at(multipliers, target);
-    note_slope(multipliers);
-    if (!(slope_ < Scalar(0))) {
-      std::fill_n(target.begin(), count_, tau_);
-      aim_at(multipliers, target);
-      note_slope(multipliers);
-    }
+    std::copy_n(reached.begin(), count_, move_.begin());
   }
 
-  /// The slope of F − τ Σ log μ along the step.
-  ELLIPTUDE_OUT_OF_LINE void note_slope(const Multipliers& multipliers) noexcept {
-    slope_ = Scalar(0);
+  /// The best step with some multipliers at their bounds and no bounds for the others, by L diag(p)⁻¹ Lᵀ of their ∇²F:
+  /// Lᵀ without the division by pivots is above the diagonal. A pivot that is rounding is made one that is not.
+  ELLIPTUDE_OUT_OF_LINE void solve() noexcept {
+    std::array<std::size_t, most> free;
+    std::size_t free_count = 0;
     for (std::size_t k = 0; k < count_; ++k) {
-      slope_ += (gradient[k] - tau_ / multipliers[k]) * move_[k];
+      if (at_bound_[k]) {
+        move_[k] = lowest_[k];
+      } else {
+        free[free_count++] = k;
+      }
+    }
+    Multipliers inverse_pivots;
+    Multipliers row;
+    for (std::size_t j = 0; j < free_count; ++j) {
+      const std::size_t column = free[j];
+      Scalar right = -gradient[column];
+      for (std::size_t k = 0; k < count_; ++k) {
+        right -= at_bound_[k] ? Scalar(curvature(column, k) * lowest_[k]) : Scalar(0);
+      }
+      for (std::size_t k = 0; k < j; ++k) {
+        const Scalar& above = hessian[free[k] * most + column];
+        row[k] = above * inverse_pivots[k];
+        right -= above * move_[free[k]];
+      }
+      for (std::size_t i = j; i < free_count; ++i) {
+        Scalar sum = hessian[free[i] * most + column];
+        for (std::size_t k = 0; k < j; ++k) {
+          sum -= hessian[free[k] * most + free[i]] * row[k];
+        }
+        if (i == j) {
+          const Scalar& g = gradient[column];
+          const Scalar least = rounding::root<Scalar>() * (curvature(column, column) + g * g);
+          inverse_pivots[j] = Scalar(1) / (sum > least ? sum : least);
+        } else {
+          hessian[column * most + free[i]] = sum;
+        }
+      }
+      move_[column] = right * inverse_pivots[j];
+    }
+    for (std::size_t i = free_count; i-- > 0;) {
+      Scalar sum(0);
+      for (std::size_t k = i + 1; k < free_count; ++k) {
+        sum += hessian[free[i] * most + free[k]] * move_[free[k]];
+      }
+      move_[free[i]] -= inverse_pivots[i] * sum;
     }
   }
 
   std::size_t count_;
-  Multipliers z_{};
-  Multipliers move_;
-  Multipliers dz_;
-  Scalar tau_;
-  Scalar slope_;
-  Scalar length_;  // of the step of μ, in units of `move_`
-  Scalar dual_;    // and of z
+  int failures_ = 0;                                          // of the steps since one was taken
+  const Scalar most_fall_ = scalar::constant<Scalar>(0.99L);  // by which share a multiplier may fall at once
+  Scalar fall_ = most_fall_;                                  // by which it may now
+  Multipliers lowest_;                                        // what Δμ may be
+  Multipliers move_;                                          // Δμ
+  std::array<bool, most> at_bound_{};
+  Scalar slope_;   // of F along Δμ
+  Scalar gain_;    // that the model promises
+  Scalar left_;    // of what multipliers at their bounds would gain at zero
+  Scalar length_;  // of the step, in units of `move_`
 };
 
 }  // namespace elliptude::detail
