@@ -7,6 +7,7 @@
 /// Directions are the columns of 3 × m matrices and need not be of unit length: only their direction counts.
 
 #include "elliptude/attitude/detail/quick_foam.hpp"
+#include "elliptude/base/limits.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/base/so3.hpp"
 #include "elliptude/linear/eigen.hpp"
