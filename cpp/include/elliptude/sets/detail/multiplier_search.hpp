@@ -52,6 +52,8 @@ class MultiplierSearch {
         break;
       }
     }
+    // What is below zero by rounding alone proves nothing.
+    margin_ = margin_ < Scalar(0) ? Scalar(0) : margin_;
     return Status::ok;
   }
 
