@@ -424,7 +424,7 @@ def test_a_rule_has_room_for_the_earth_between_anchors():
 
 def test_a_growth_needs_what_it_is_added_to():
     tables = hand_held().model_dump(mode="json", exclude_none=True)
-    tables["gyro"] |= {"noise_turn_growth_deg_per_s": 0.1}
+    del tables["gyro"]["noise_turn_deg"]
     with pytest.raises(ValueError, match="needs noise_turn_deg"):
         Rule.model_validate(tables)
     with pytest.raises(ValueError, match="needs noise_turn_deg"):
