@@ -321,17 +321,16 @@ def _look(log: NamedFile, configuration: Configuration, recording: Recording, *,
     Bounds are not written for a log that `estimate` would refuse.
     """
     heard = plausibility.Heard()
+    # No bound is stated yet that a field of any length would contradict.
     of_field = _field_in_another_unit(recording, configuration)
     if refuse:
-        if of_field and configuration.implausible == "refuse":
-            raise plausibility.ImplausibleError(str(log), of_field)
         next(plausibility.plausible_pieces(logs.read_pieces(log, configuration), configuration, str(log), heard), None)
-        heard.ignored += of_field
+        heard.suspicious += of_field
         return heard
     ignoring = configuration.model_copy(update={"implausible": "ignore"})
     with suppress(FileError):  # a log that cannot be estimated may still show how large its errors are
         next(plausibility.plausible_pieces(logs.read_pieces(log, ignoring), ignoring, str(log), heard), None)
-    heard.ignored += of_field
+    heard.suspicious += of_field
     return heard
 
 
