@@ -54,7 +54,7 @@ def of_matrix(k):
 
 def worst_matrix(piece, matrix, window, row, k):
     """Of all K of norm k nearly the one that moves the mean most: the polar factor of the worst direction's matrix."""
-    effects = matrix._mean_push(window, triangular=True)[0]
+    effects = matrix._mean_push(window, triangular=True)[:, :, 0]
     average = list(piece.averages(window, triangular=True))[1]
     effects = effects - np.cross(matrix._effects[row].T, average.mean[0]).T
     directions = np.random.default_rng(0).standard_normal((4000, 3))
@@ -227,7 +227,7 @@ def test_effects_against_direct_sums(duration, triangular):
         [np.zeros((1, 3)), np.cumsum(np.einsum("nij,nj->ni", 0.5 * (attitudes[1:] + attitudes[:-1]), steps), axis=0)]
     )
     pushed = weights @ np.cross(moved - moved[row], np.einsum("nij,nj->ni", attitudes, vectors))
-    effects = matrix._mean_push(window, triangular=triangular)[0]
+    effects = matrix._mean_push(window, triangular=triangular)[:, :, 0]
     effects = effects - np.cross(matrix._effects[row].T, average.mean[0]).T
     np.testing.assert_allclose(effects @ wrong.ravel(), pushed, rtol=0.05, atol=1e-4 * np.abs(pushed).max())
 
