@@ -34,6 +34,7 @@ from elliptude.io.spool import recording as recording_of
 from elliptude.io.toml import validate
 from elliptude.logs import body_at_rest, plausibility
 from elliptude.logs import log as logs
+from elliptude.logs.agreement.fields import field_in_another_unit
 from elliptude.logs.repair import Survey
 from elliptude.proposal import mapping, proposals
 from elliptude.proposal.document import Once
@@ -340,7 +341,7 @@ def _field_in_another_unit(recording: Recording, configuration: Configuration) -
     if sensor is None or recording.fields is None or not np.isfinite(recording.fields[:, 0]).any():
         return []
     strength = units.FIELD["uT"] * float(np.nanmedian(np.linalg.norm(recording.fields, axis=1)))
-    said = plausibility.field_in_another_unit(strength, sensor)
+    said = field_in_another_unit(strength, sensor)
     return [f"{sensor.name}: {said}"] if said else []
 
 
