@@ -34,7 +34,8 @@ from elliptude.io.readers.open import LogSource, open_log
 from elliptude.io.tables import Measurements
 from elliptude.logs.alignment import ROUNDING_OF_STAMPS_S, OutOfOrderError, Piece, first_second, pieces, take
 from elliptude.logs.channels import clocks_of
-from elliptude.logs.repair import Lost, Repaired, Survey, require_rows_in_time, require_torques, survey
+from elliptude.logs.repair import Lost, Survey, require_rows_in_time, require_torques, survey
+from elliptude.logs.repaired import Repaired
 from elliptude.logs.rest_phase import RestField, field_in_rest
 from elliptude.typing import FloatArray
 
