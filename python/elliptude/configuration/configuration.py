@@ -77,15 +77,12 @@ from elliptude.configuration.sensors import (
     Magnetometer,
     Rate,
     ReferenceFrame,
-    RestPhase,
-    SunByTime,
     Timing,
     Truth,
     Velocity,
-    VelocityWindowBound,
-    WorldModel,
     rotation_of_axes,
 )
+from elliptude.configuration.statements import RestPhase, SunByTime, VelocityWindowBound, WorldModel
 from elliptude.io.files import FileError
 from elliptude.io.readers.counted import ROW_TIME
 from elliptude.io.readers.text.dialect import Stated

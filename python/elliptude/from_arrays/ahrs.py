@@ -13,7 +13,8 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import Question
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import Carried, rule_for
-from elliptude.configuration.sensors import Accelerometer, Magnetometer, VelocityWindowBound
+from elliptude.configuration.sensors import Accelerometer, Magnetometer
+from elliptude.configuration.statements import VelocityWindowBound
 from elliptude.errors import InconsistentMeasurement
 from elliptude.estimation import gaps
 from elliptude.estimation.estimator import Estimation, estimate

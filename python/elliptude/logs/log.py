@@ -19,14 +19,8 @@ from elliptude import units
 from elliptude.configuration import references
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow, RigidBodyFlow
-from elliptude.configuration.sensors import (
-    Accelerometer,
-    Direction,
-    Magnetometer,
-    RestPhase,
-    SunByTime,
-    WorldModel,
-)
+from elliptude.configuration.sensors import Accelerometer, Direction, Magnetometer
+from elliptude.configuration.statements import RestPhase, SunByTime, WorldModel
 from elliptude.io.column_files import origin_of
 from elliptude.io.files import FileError, sentence
 from elliptude.io.readers.base import LogFile

@@ -4,7 +4,8 @@ import numpy as np
 
 from elliptude import units
 from elliptude.configuration.configuration import Configuration
-from elliptude.configuration.sensors import AnyDirection, FieldBound, Magnetometer
+from elliptude.configuration.sensors import AnyDirection, Magnetometer
+from elliptude.configuration.statements import FieldBound
 from elliptude.logs.agreement.findings import Finding
 from elliptude.logs.log import Log
 

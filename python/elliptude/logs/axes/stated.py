@@ -19,14 +19,8 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import FirstMeasurementStart, GivenStart
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import after_rest, rest_at_start
-from elliptude.configuration.sensors import (
-    AccelerationBound,
-    Accelerometer,
-    AnyDirection,
-    FieldBound,
-    Magnetometer,
-    VelocityWindowBound,
-)
+from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer
+from elliptude.configuration.statements import AccelerationBound, FieldBound, VelocityWindowBound
 from elliptude.logs.axes import sensor_axes
 from elliptude.logs.axes.sensor_axes import AngleMisfit, RatesBeside, VectorStatement
 from elliptude.logs.log import Log
