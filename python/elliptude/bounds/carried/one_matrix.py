@@ -22,7 +22,7 @@ _EPSILON = float(np.finfo(np.float64).eps)
 _DIRECTIONS = 8
 _POLYGON = math.cos(0.5 * math.pi / _DIRECTIONS)
 # Products are worked out one by one where they may be more than this share of the bound.
-_WORTH = 0.005
+_WORTH = 0.02
 
 
 def nuclear_norms(matrices: FloatArray) -> FloatArray:
