@@ -89,8 +89,8 @@ class GyroBounds:
         Bound of how fast the true rate changes, rad/s², but for a part of at most ``noise``: how far it leaves, in a
         longer interval, the mean of the samples around it. Infinite if unknown.
     bias_change : float
-        How far the biases at two instants of a window, over which directions are averaged, may differ beside the drift,
-        rad/s. Infinite: as far as ``bias`` allows.
+        How far the biases at two instants of a window, over which directions are averaged about a row in it, may differ
+        beside the drift, rad/s. Infinite: as far as ``bias`` allows.
     """
 
     noise: float

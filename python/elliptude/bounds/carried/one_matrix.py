@@ -75,7 +75,7 @@ class OneMatrix:
         averaged = [self._biased, self._chords, turned, turned**2, turned**3, piece.apart, piece.apart * turned]
         self._bias = SteadyBias(piece, gyro, turned) if gyro.is_steady else None
         self._once = running_sum(steps, lengths[:, None] * np.column_stack(averaged))
-        self._second_order = SecondOrder(steps, self._effects, piece.carried)
+        self._second_order = SecondOrder(steps, effects, rows, piece.carried)
 
     @cached_property
     def _pushed_twice(self) -> FloatArray:
@@ -137,7 +137,7 @@ class OneMatrix:
         turns: FloatArray = self._scale * push + integrated + noise + biased
         turns += self._piece.by_stamps_of_frame(of, average, indices, triangular=triangular)
         turns += self._rounding(of, average, indices, entries)
-        second = 0.75 * square
+        second = 0.5 * square
         some = np.flatnonzero((turns < below) & (second > _WORTH * below))
         if len(some):
             lost = np.column_stack([average.share[indices], entries])[some]
