@@ -7,7 +7,7 @@ from elliptude.bounds.carried.one_matrix import OneMatrix, nuclear_norms
 from elliptude.bounds.carried.second_order import SecondOrder
 from elliptude.bounds.gyro import GyroBounds, scale_effects
 from elliptude.bounds.stamps import OffsetTurns
-from elliptude.bounds.window_averages import Piece, weighted
+from elliptude.bounds.window_averages import Piece
 from elliptude.bounds.windows import MotionBounds, field_bounds_over_windows, gravity_bounds_over_windows
 from inputs import angle_between
 from scipy.spatial.transform import Rotation
@@ -242,7 +242,7 @@ def test_powers_of_a_turn_about_one_axis_in_closed_form(triangular):
     piece, matrix = parts(times, rates, GyroBounds(0.0, scale_error=k), np.tile(G * UP, (1801, 1)))
     window = piece.window(np.array([row]), 4.0, "middle")
     average = list(piece.averages(window, triangular=True))[int(triangular)]
-    rising, falling = weighted(matrix._once, matrix._twice if triangular else None, window)
+    rising, falling = matrix._sums.sides(window, triangular=triangular)
     square, cube, apart = matrix._mean_products(window, average, np.array([0]), rising, falling)
     rate = of_matrix(k) * 3.0
     in_step = STEP**2 / 12.0 * 9.0 * np.sin(2.0 * STEP) / STEP

@@ -197,9 +197,9 @@ def test_sums_do_not_depend_on_how_many_rows_are_worked_on_at_once(monkeypatch):
     gyro = GyroBounds(0.0, scale_error=0.01)
     piece = frame_and_piece(times, rates, vectors, gyro)
     effects = OneMatrix(piece, gyro)._effects
-    whole = SecondOrder(piece.steps, effects, piece.rows, piece.carried)._once
+    whole = SecondOrder(piece.steps, effects, piece.rows, piece.carried)._sums.once
     monkeypatch.setattr("elliptude.bounds.carried.second_order._AT_ONCE", 100)
-    np.testing.assert_array_equal(SecondOrder(piece.steps, effects, piece.rows, piece.carried)._once, whole)
+    np.testing.assert_array_equal(SecondOrder(piece.steps, effects, piece.rows, piece.carried)._sums.once, whole)
 
 
 def whole_turns(size):

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude.bounds.turns import lengths_of, running_sum
-from elliptude.bounds.window_averages import Window, weighted_whole
+from elliptude.bounds.window_averages import RunningIntegrals, Window
 from elliptude.typing import FloatArray
 
 _EPSILON = float(np.finfo(np.float64).eps)
@@ -90,7 +90,7 @@ class SecondOrder:
         Arguments are those of `bounds`.
         """
         at_row = self._effects.take(window.row, axis=0)
-        sums = weighted_whole(self._once, self._twice if triangular else None, window).reshape(-1, 3, 45)
+        sums = self._sums.means(window, triangular=triangular).reshape(-1, 3, 45)
         areas = self._areas.take(window.row, axis=0)
         of_row = _pairs(at_row, crossed(at_row, means) + 2.0 * effects) + crossed(areas, means)
         products: FloatArray = (of_row - sums) * _FACTORS
@@ -106,19 +106,14 @@ class SecondOrder:
         return np.cumsum(areas, axis=0, out=areas)[self._rows]
 
     @cached_property
-    def _once(self) -> FloatArray:
-        """Running integrals of S(d)² y + S(g) y, twice over, shape (n, 135)."""
+    def _sums(self) -> RunningIntegrals:
+        """Of S(d)² y + S(g) y, twice over, 135 columns."""
         products = np.empty((len(self._effects), 135))
         for some in _blocks(len(products)):
             effects, vectors = self._effects[some], self._vectors[some]
             whole = _pairs(effects, crossed(effects, vectors)) + crossed(self._areas[some], vectors)
             products[some] = whole.reshape(-1, 135)
-        return running_sum(self._steps, products)
-
-    @cached_property
-    def _twice(self) -> FloatArray:
-        """The sums of `_once`, which triangular weights alone need."""
-        return running_sum(self._steps, self._once)
+        return RunningIntegrals(self._steps, products)
 
     @cached_property
     def _sizes(self) -> FloatArray:
