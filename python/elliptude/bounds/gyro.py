@@ -78,6 +78,9 @@ class GyroBounds:
     noise_turn, noise_turn_growth : float
         How far the noise by itself turns an attitude away that is integrated over any window: at most the first, rad,
         and the second for each second, rad/s. It says more than ``increment`` where the body turns.
+    longest_window : float
+        The longest window that ``increment`` and ``noise_turn`` are stated for, s. A longer time is as many of them as
+        it takes, (18.61).
     longest_interval : float
         Between samples, s: up to it ``noise`` includes what the rate does there. No bound above covers a longer one.
     largest_rate : float
@@ -86,8 +89,8 @@ class GyroBounds:
         Bound of how fast the true rate changes, rad/s², but for a part of at most ``noise``: how far it leaves, in a
         longer interval, the mean of the samples around it. Infinite if unknown.
     bias_change : float
-        How far the biases at two instants of a window, over which directions are averaged, may differ beside the drift,
-        rad/s. Infinite: as far as ``bias`` allows.
+        How far the biases at two instants of a window, over which directions are averaged about a row in it, may differ
+        beside the drift, rad/s. Infinite: as far as ``bias`` allows.
     """
 
     noise: float
@@ -97,6 +100,7 @@ class GyroBounds:
     increment: float = np.inf
     noise_turn: float = np.inf
     noise_turn_growth: float = 0.0
+    longest_window: float = np.inf
     longest_interval: float = np.inf
     largest_rate: float = np.inf
     angular_acceleration: float = np.inf
@@ -109,8 +113,9 @@ class GyroBounds:
         require_fraction("scale_error", self.scale_error)
         if self.noise_turn_growth > 0.0 and np.isinf(self.noise_turn):
             raise ValueError("noise_turn_growth needs noise_turn, what it is added to")
-        if not self.longest_interval > 0.0:
-            raise ValueError(f"longest_interval must be positive, not {self.longest_interval}")
+        for name in ("longest_window", "longest_interval"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"{name} must be positive, not {getattr(self, name)}")
         for name in ("increment", "noise_turn", "largest_rate", "angular_acceleration", "bias_change"):
             if not getattr(self, name) >= 0.0:
                 raise ValueError(f"{name} must be at least 0, not {getattr(self, name)}")
@@ -406,7 +411,7 @@ class GyroBounds:
         longest: FloatArray | float,
         length: FloatArray | float = 1.0,
     ) -> FloatArray:
-        """Bound of the angle that noise turns an attitude away, (18.10) and (18.56), or of a mean of such angles.
+        """Bound of the angle that noise turns an attitude away, (18.10), (18.56) and (18.61), or of a mean of them.
 
         Parameters
         ----------
@@ -425,11 +430,15 @@ class GyroBounds:
             rad, times the lengths' unit.
         """
         spans, rate = np.asarray(durations, dtype=np.float64), self.noise / (1.0 - self.scale_error)
+        # Of windows as long as the longest there are at most T / L + 1.
+        pieces, piece = np.asarray(length, dtype=np.float64), np.asarray(longest, dtype=np.float64)
+        if np.isfinite(self.longest_window):
+            pieces, piece = pieces + spans / self.longest_window, np.minimum(piece, self.longest_window)
         angle: FloatArray = rate * spans
         if np.isfinite(self.increment):
-            angle = np.minimum(angle, self.swept_increment(turned, length) * (1.0 + 0.5 * rate * np.asarray(longest)))
+            angle = np.minimum(angle, self.swept_increment(turned, pieces) * (1.0 + 0.5 * rate * piece))
         if np.isfinite(self.noise_turn):
-            angle = np.minimum(angle, self.noise_turn * np.asarray(length) + self.noise_turn_growth * spans)
+            angle = np.minimum(angle, self.noise_turn * pieces + self.noise_turn_growth * spans)
         return angle
 
     def swept_increment(self, turned: FloatArray | float, length: FloatArray | float = 1.0) -> FloatArray:

@@ -107,44 +107,58 @@ class Average:
     """The mean of the lengths times the number of pieces, between gaps, up to the row; not below `length`."""
 
 
-def weighted(once: FloatArray, twice: FloatArray | None, window: Window) -> tuple[FloatArray, FloatArray]:
-    """Weighted means over windows, the parts before the top and after it, from running sums and the sums of these.
+class RunningIntegrals:
+    """Running integrals of numbers, of which weighted means over windows are differences.
 
     Parameters
     ----------
-    once : (n, k) array
-    twice : (n, k) array, optional
-        For weights like a triangle; they are equal without it.
-    window : Window
-
-    Returns
-    -------
-    rising, falling : (m, k) array
+    steps : (n - 1,) array
+        Between the rows, s.
+    values : (n, k) array
     """
-    before, after = window.before[:, None], window.after[:, None]
-    span = before + after
-    # `take` copies whole rows, which an index of rows does not.
-    at_top, at_start, at_stop = (once.take(rows, axis=0) for rows in (window.top, window.start, window.stop))
-    if twice is None:
-        return (at_top - at_start) / span, (at_stop - at_top) / span
-    top, start, stop = (twice.take(rows, axis=0) for rows in (window.top, window.start, window.stop))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        below = at_top - (top - start) / before
-        above = (stop - top) / after - at_top
-    return 2.0 * below / span, 2.0 * above / span
 
+    def __init__(self, steps: FloatArray, values: FloatArray) -> None:
+        self._steps = steps
+        self.once = running_sum(steps, values)
+        """From the first row to each, shape (n, k)."""
 
-def weighted_whole(once: FloatArray, twice: FloatArray | None, window: Window) -> FloatArray:
-    """Both parts of `weighted` together, shape (m, k), in half the time."""
-    span = (window.before + window.after)[:, None]
-    if twice is None:
-        means: FloatArray = (once.take(window.stop, axis=0) - once.take(window.start, axis=0)) / span
+    @cached_property
+    def twice(self) -> FloatArray:
+        """The sums of `once`, which triangular weights alone need."""
+        return running_sum(self._steps, self.once)
+
+    def sides(self, window: Window, *, triangular: bool) -> tuple[FloatArray, FloatArray]:
+        """Weighted means over windows: the parts before the top and after it, shape (m, k) each.
+
+        Parameters
+        ----------
+        window : Window
+        triangular : bool
+            Whether the weights rise to the top and fall; they are equal otherwise.
+        """
+        before, after = window.before[:, None], window.after[:, None]
+        span = before + after
+        # `take` copies whole rows, which an index of rows does not.
+        at_top, at_start, at_stop = (self.once.take(rows, axis=0) for rows in (window.top, window.start, window.stop))
+        if not triangular:
+            return (at_top - at_start) / span, (at_stop - at_top) / span
+        top, start, stop = (self.twice.take(rows, axis=0) for rows in (window.top, window.start, window.stop))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            below = at_top - (top - start) / before
+            above = (stop - top) / after - at_top
+        return 2.0 * below / span, 2.0 * above / span
+
+    def means(self, window: Window, *, triangular: bool) -> FloatArray:
+        """Both parts of `sides` together, in half the time."""
+        span = (window.before + window.after)[:, None]
+        if not triangular:
+            whole: FloatArray = (self.once.take(window.stop, axis=0) - self.once.take(window.start, axis=0)) / span
+            return whole
+        start, top, stop = (self.twice.take(rows, axis=0) for rows in (window.start, window.top, window.stop))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            means: FloatArray = (stop - top) * (2.0 / span / window.after[:, None])
+            means -= (top - start) * (2.0 / span / window.before[:, None])
         return means
-    start, top, stop = (twice.take(rows, axis=0) for rows in (window.start, window.top, window.stop))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        means = (stop - top) * (2.0 / span / window.after[:, None])
-        means -= (top - start) * (2.0 / span / window.before[:, None])
-    return means
 
 
 class Piece:
@@ -213,16 +227,11 @@ class Piece:
                 *([self.frame_gaps] if gaps.any() else []),
             ]
         )
-        self._once = running_sum(self.steps, np.column_stack([self.carried, weights]))
+        self._sums = RunningIntegrals(self.steps, np.column_stack([self.carried, weights]))
         self._common, self._across = offsets.common, lengths * offsets.across
-        self._slope_once = self._slope_sums(offsets, lengths) if offsets.has_slopes else None
+        self._slopes = self._slope_sums(offsets, lengths) if offsets.has_slopes else None
 
-    @cached_property
-    def _twice(self) -> FloatArray:
-        """The sums of `_once`, which triangular weights alone need."""
-        return running_sum(self.steps, self._once)
-
-    def _slope_sums(self, offsets: OffsetTurns, lengths: FloatArray) -> FloatArray:
+    def _slope_sums(self, offsets: OffsetTurns, lengths: FloatArray) -> RunningIntegrals:
         """Running integrals for (18.60): ‖f‖ times the turn across, and times what slopes leave; and the slopes.
 
         These are in the common frame, and those of samples beside their rows also times the known seconds.
@@ -230,24 +239,13 @@ class Piece:
         slopes = np.einsum("nij,nj->ni", self.attitudes, offsets.slopes)
         columns = [lengths * offsets.across, lengths * offsets.others, slopes]
         columns += [offsets.known[:, None] * slopes] if offsets.known.any() else []
-        return running_sum(self.steps, np.column_stack(columns))
+        return RunningIntegrals(self.steps, np.column_stack(columns))
 
     @cached_property
-    def _slope_twice(self) -> FloatArray:
-        """The sums of `_slope_once`, likewise."""
-        assert self._slope_once is not None
-        return running_sum(self.steps, self._slope_once)
-
-    @cached_property
-    def _across_once(self) -> FloatArray:
-        """Running integrals of ‖f‖ times the turn across, alone and times what the columns of `_once` have."""
+    def _across_sums(self) -> RunningIntegrals:
+        """Of ‖f‖ times the turn across, alone and times what the columns of `_sums` have."""
         running = [np.ones_like(self._across), self._steady, self.turned, self.elapsed, self.frame_gaps]
-        return running_sum(self.steps, self._across[:, None] * np.column_stack(running))
-
-    @cached_property
-    def _across_twice(self) -> FloatArray:
-        """The sums of `_across_once`, likewise."""
-        return running_sum(self.steps, self._across_once)
+        return RunningIntegrals(self.steps, self._across[:, None] * np.column_stack(running))
 
     def window(
         self, rows: NDArray[np.intp], duration: float, at: Place, ends: tuple[float, float] = (-np.inf, np.inf)
@@ -292,24 +290,24 @@ class Piece:
             yield self._average(window, share, triangular=True)
 
     def _average(self, window: Window, share: FloatArray, *, triangular: bool) -> Average:
-        rising, falling = weighted(self._once, self._twice if triangular else None, window)
+        rising, falling = self._sums.sides(window, triangular=triangular)
         both = rising + falling
-        lost = share * self._once[window.stop, 3]
+        lost = share * self._sums.once[window.stop, 3]
 
         def between(column: int, running: FloatArray) -> FloatArray:
             return _between(window, rising[:, [3, column]], falling[:, [3, column]], running, lost)
 
         spanned, swept = between(6, self.elapsed), between(5, self.turned)
         pieces = both[:, 3]
-        if self._once.shape[1] > 8:
+        if self._sums.once.shape[1] > 8:
             pieces = pieces + between(8, self.frame_gaps)
         noise = self._noise(window, spanned, swept, pieces + lost)
         turned = self.turned[window.stop] - self.turned[window.start]
-        rounding = 2.0 * lost + share * self._once[window.stop, 7]
+        rounding = 2.0 * lost + share * self._sums.once[window.stop, 7]
         steps = self.rows[window.stop] - self.rows[window.start] + 1
         rounding += 32.0 * _EPSILON * (steps + turned) * both[:, 3]
         by_stamps = by_lengths = both[:, 7]
-        if self._slope_once is not None:
+        if self._slopes is not None:
             by_stamps = np.fmin(by_lengths, self._by_slopes(window, share, steps + turned, triangular=triangular))
         return Average(
             mean=both[:, :3],
@@ -329,13 +327,13 @@ class Piece:
 
     def _by_slopes(self, window: Window, share: FloatArray, counted: FloatArray, *, triangular: bool) -> FloatArray:
         """What offsets of stamps do to means in the carried frame, (18.60)."""
-        assert self._slope_once is not None
-        means = weighted_whole(self._slope_once, self._slope_twice if triangular else None, window)
+        assert self._slopes is not None
+        means = self._slopes.means(window, triangular=triangular)
         found = self._common * lengths_of(means[:, 2:5]) + means[:, 1]
         if means.shape[1] > 5:
             found += lengths_of(means[:, 5:8])
         # Six sums of slopes, of which none is longer than what is across; and the frame that they are in.
-        lost = share[:, None] * self._slope_once.take(window.stop, axis=0)[:, :2]
+        lost = share[:, None] * self._slopes.once.take(window.stop, axis=0)[:, :2]
         found += 4.0 * lost[:, 0] + lost[:, 1] + 32.0 * _EPSILON * counted * means[:, 0]
         return found
 
@@ -360,10 +358,10 @@ class Piece:
             The sensor's unit.
         """
         by_lengths = average.by_lengths[indices]
-        if self._slope_once is None:
+        if self._slopes is None:
             return by_lengths
-        rising, falling = weighted(self._across_once, self._across_twice if triangular else None, window)
-        lost = average.share[indices] * self._across_once[window.stop, 0]
+        rising, falling = self._across_sums.sides(window, triangular=triangular)
+        lost = average.share[indices] * self._across_sums.once[window.stop, 0]
 
         def between(column: int, running: FloatArray) -> FloatArray:
             return _between(window, rising[:, [0, column]], falling[:, [0, column]], running, lost)

@@ -34,6 +34,7 @@ from elliptude.io.spool import recording as recording_of
 from elliptude.io.toml import validate
 from elliptude.logs import body_at_rest, plausibility
 from elliptude.logs import log as logs
+from elliptude.logs.agreement.fields import field_in_another_unit
 from elliptude.logs.repair import Survey
 from elliptude.proposal import mapping, proposals
 from elliptude.proposal.document import Once
@@ -321,17 +322,16 @@ def _look(log: NamedFile, configuration: Configuration, recording: Recording, *,
     Bounds are not written for a log that `estimate` would refuse.
     """
     heard = plausibility.Heard()
+    # No bound is stated yet that a field of any length would contradict.
     of_field = _field_in_another_unit(recording, configuration)
     if refuse:
-        if of_field and configuration.implausible == "refuse":
-            raise plausibility.ImplausibleError(str(log), of_field)
         next(plausibility.plausible_pieces(logs.read_pieces(log, configuration), configuration, str(log), heard), None)
-        heard.ignored += of_field
+        heard.suspicious += of_field
         return heard
     ignoring = configuration.model_copy(update={"implausible": "ignore"})
     with suppress(FileError):  # a log that cannot be estimated may still show how large its errors are
         next(plausibility.plausible_pieces(logs.read_pieces(log, ignoring), ignoring, str(log), heard), None)
-    heard.ignored += of_field
+    heard.suspicious += of_field
     return heard
 
 
@@ -341,7 +341,7 @@ def _field_in_another_unit(recording: Recording, configuration: Configuration) -
     if sensor is None or recording.fields is None or not np.isfinite(recording.fields[:, 0]).any():
         return []
     strength = units.FIELD["uT"] * float(np.nanmedian(np.linalg.norm(recording.fields, axis=1)))
-    said = plausibility.field_in_another_unit(strength, sensor)
+    said = field_in_another_unit(strength, sensor)
     return [f"{sensor.name}: {said}"] if said else []
 
 

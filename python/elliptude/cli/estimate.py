@@ -35,7 +35,8 @@ from elliptude.io.files import FileError
 from elliptude.io.spool import NamedFile, recording
 from elliptude.logs import log as logs
 from elliptude.logs import plausibility
-from elliptude.logs.repair import Repaired, Survey
+from elliptude.logs.repair import Survey
+from elliptude.logs.repaired import Repaired
 from elliptude.report.estimated.measured import Measured
 from elliptude.report.estimated.stored import MEASURED
 from elliptude.report.run import read_run

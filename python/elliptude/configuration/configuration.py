@@ -77,15 +77,12 @@ from elliptude.configuration.sensors import (
     Magnetometer,
     Rate,
     ReferenceFrame,
-    RestPhase,
-    SunByTime,
     Timing,
     Truth,
     Velocity,
-    VelocityWindowBound,
-    WorldModel,
     rotation_of_axes,
 )
+from elliptude.configuration.statements import RestPhase, SunByTime, VelocityWindowBound, WorldModel
 from elliptude.io.files import FileError
 from elliptude.io.readers.counted import ROW_TIME
 from elliptude.io.readers.text.dialect import Stated
@@ -172,6 +169,11 @@ class Configuration(Model):
                 "start.bias_bound_deg_per_s is not for the guaranteed mode: flow.bias_deg_per_s bounds a gyro's bias"
             )
         self._require_answers()
+        if not is_guaranteed and self.truth is not None and self.truth.time_offset_bound_s > 0.0:
+            raise ValueError(
+                "truth.time_offset_bound_s is for the guaranteed mode: in the others nothing bounds how far the body "
+                "turns meanwhile. Leave it out, and state in truth.error_deg how far the truth may be off"
+            )
         if isinstance(self.flow, GyroFlow) and self.rate is not None:
             raise ValueError("rate: the gyro of flow.kind = 'gyro' is its input; it cannot be a measurement too")
         if is_guaranteed or from_first is None:
@@ -506,5 +508,8 @@ def read_configuration(path: str | os.PathLike[str]) -> Configuration:
     if not isinstance(configuration.rule, RuleFile):
         return configuration
     beside = configuration.rule.model_copy(update={"file": str(Path(path).parent / configuration.rule.file)})
-    beside.rule()
+    try:
+        beside.rule()
+    except FileError as error:
+        raise FileError(f"{path}: rule.file: {error}") from error
     return configuration.model_copy(update={"rule": beside})

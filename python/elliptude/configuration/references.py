@@ -10,7 +10,8 @@ import numpy as np
 import scipy
 
 from elliptude.configuration import sun
-from elliptude.configuration.sensors import ReferenceFrame, RestPhase, SunByTime, WorldModel
+from elliptude.configuration.sensors import ReferenceFrame
+from elliptude.configuration.statements import RestPhase, SunByTime, WorldModel
 from elliptude.io.files import FileError
 from elliptude.typing import FloatArray
 

@@ -1,6 +1,7 @@
 """Whether a configuration states enough to know how far a reference by a phase of rest may be off."""
 
-from elliptude.configuration.sensors import Accelerometer, AngleBound, AnyDirection, FieldBound, Magnetometer, RestPhase
+from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer
+from elliptude.configuration.statements import AngleBound, FieldBound, RestPhase
 
 # What an error in the sensor's own unit ends with.
 _UNITS = ("_ut", "_m_per_s2")

@@ -14,7 +14,8 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import HandHeldRule
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import Carried
-from elliptude.configuration.sensors import AnyDirection, FieldBound, VelocityWindowBound
+from elliptude.configuration.sensors import AnyDirection
+from elliptude.configuration.statements import FieldBound, VelocityWindowBound
 
 
 @dataclass(frozen=True)

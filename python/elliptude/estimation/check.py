@@ -17,9 +17,10 @@ from elliptude.estimation.direction_rows import direction_rows
 from elliptude.io.files import FileError
 from elliptude.logs import log as logs
 from elliptude.logs import plausibility
+from elliptude.logs.agreement import fields
+from elliptude.logs.agreement.findings import Finding
 from elliptude.logs.body_at_rest import UpAtRest, up_in_log
 from elliptude.logs.log import Log, Samples
-from elliptude.logs.plausibility import Finding
 from elliptude.logs.signals.saturation import Saturation
 from elliptude.logs.signals.silence import Stuck, stopped_sensors
 from elliptude.typing import FloatArray
@@ -239,9 +240,9 @@ def _suspicions(samples: Samples, configuration: Configuration) -> list[Finding]
         if not _LEAST_OF_UNIT <= median / scale <= _MOST_OF_UNIT:
             warn(f"its median norm is {median / scale:.4g}, and a normalized field is about 1: is it normalized?")
     elif isinstance(sensor, Magnetometer):
-        is_of_earth = plausibility.WEAKEST_FIELD <= median <= plausibility.STRONGEST_FIELD
-        if not is_of_earth and not plausibility.voids_statements(median, sensor, configuration):
-            fitting = plausibility.units_of_field(median, sensor)
+        is_of_earth = fields.WEAKEST_FIELD <= median <= fields.STRONGEST_FIELD
+        if not is_of_earth and not fields.voids_statements(median, sensor, configuration):
+            fitting = fields.units_of_field(median, sensor)
             warn(f"its median norm is {median / scale:.4g} {unit}, which is not the Earth's field" + _as_if(fitting))
     elif samples.name in {"the gyro", "rate"} and (norms > _FULL_RANGE).any():
         fastest = np.rad2deg(norms.max())

@@ -21,15 +21,8 @@ from elliptude.bounds.windows import MotionBounds, gravity_bounds_over_windows
 from elliptude.configuration import references, rules
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow, RigidBodyFlow
-from elliptude.configuration.sensors import (
-    AccelerationBound,
-    Accelerometer,
-    AnyDirection,
-    FieldBound,
-    Magnetometer,
-    RestPhase,
-    VelocityWindowBound,
-)
+from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer
+from elliptude.configuration.statements import AccelerationBound, FieldBound, RestPhase, VelocityWindowBound
 from elliptude.estimation import gaps
 from elliptude.logs.log import Log
 from elliptude.logs.rest_phase import ReferenceBounds, RestField, reference_error

@@ -13,10 +13,11 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import Question
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import Carried, rule_for
-from elliptude.configuration.sensors import VelocityWindowBound
+from elliptude.configuration.sensors import Accelerometer, Magnetometer
+from elliptude.configuration.statements import VelocityWindowBound
 from elliptude.errors import InconsistentMeasurement
 from elliptude.estimation import gaps
-from elliptude.estimation.estimator import estimate
+from elliptude.estimation.estimator import Estimation, estimate
 from elliptude.estimation.guaranteed_result import contradicted_up, dropped_columns
 from elliptude.estimation.why_no_set import why_no_set
 from elliptude.from_arrays.inputs import times_of, unit_of_time, vectors_of
@@ -24,6 +25,8 @@ from elliptude.io.files import FileError, sentence
 from elliptude.io.readers.arrays import ArrayLog
 from elliptude.io.toml import validate
 from elliptude.logs import log as logs
+from elliptude.logs.axes.stated import Stated
+from elliptude.logs.log import Log
 from elliptude.logs.plausibility import Heard, ImplausibleError, plausible_pieces
 from elliptude.proposal import mapping, proposals
 from elliptude.proposal.mapping import Tables
@@ -41,6 +44,7 @@ _NAME = "the arrays"
 _QUESTIONS = tuple(question for question in get_args(Question) if question != "vector")
 _KINDS = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
 _ARGUMENTS = {"the gyro": "gyr", "up": "acc", "field": "mag"}
+_OF_ARGUMENT: Mapping[str, type[Accelerometer | Magnetometer]] = {"acc": Accelerometer, "mag": Magnetometer}
 # Which unit of the gyro makes right what is said of its turns.
 _GYRO_UNITS = {"degrees were declared as radians": "deg/s", "radians were declared as degrees": "rad/s"}
 _UNITS: Mapping[str, Mapping[Any, float]] = {
@@ -50,8 +54,8 @@ _UNITS: Mapping[str, Mapping[Any, float]] = {
 }
 # What to do where a rule does not fit the arrays.
 _REMEDY = "statements='recording' takes bounds from what the recording itself shows"
-# Medians in SI units beyond these show that the unit is not what is stated.
-_PLAUSIBLE = {"acc": (4.9, 19.7, "gravity"), "mag": (5e-6, 5e-4, "the Earth's field")}
+# Medians in SI units beyond these suggest that the unit is not what is stated.
+_USUAL = {"acc": (4.9, 19.7, "gravity"), "mag": (5e-6, 5e-4, "the Earth's field")}
 
 
 def ahrs(
@@ -69,23 +73,8 @@ def ahrs(
         raise ValueError(f"implausible: {implausible!r}, neither 'refuse' nor 'ignore'")
     questions = _known_questions(questions)
     heard = Heard()
-    file, tables = _recording(time, {"gyr": gyr, "acc": acc, "mag": mag}, stated_units, implausible, heard)
-    tables["implausible"] = implausible
-    try:
-        configuration = _configuration(file, tables, statements).with_questions(questions)
-        pieces = plausible_pieces(logs.read_pieces(file, configuration), configuration, _NAME, heard)
-        estimation = estimate(logs.joined(list(pieces)), configuration)
-    except ImplausibleError as error:
-        errors = "; ".join(_in_arguments(one) for one in error.errors)
-        raise ValueError(f"{_NAME}: {sentence(errors)} If it is right as it is: implausible='ignore'") from error
-    except FileError as error:
-        raise ValueError(str(error)) from error
-    except InconsistentMeasurement:
-        raise
-    except ValueError as error:
-        if statements not in get_args(Carried):
-            raise
-        raise ValueError(f"statements={statements!r}: {error}. {unit_of_time(times_of(time)) or _REMEDY}") from error
+    sensors = {"gyr": gyr, "acc": acc, "mag": mag}
+    configuration, estimation = _estimated(time, sensors, statements, stated_units, implausible, questions, heard)
     assert estimation.guaranteed is not None
     only_up = _of_up_alone(configuration)
     run, result = estimation.guaranteed, estimation.result
@@ -127,6 +116,40 @@ def ahrs(
     )
 
 
+def _estimated(
+    time: Any,
+    sensors: Mapping[str, Any],
+    statements: str | os.PathLike[str],
+    stated_units: Mapping[str, Any],
+    implausible: str,
+    questions: Sequence[str],
+    heard: Heard,
+) -> tuple[Configuration, Estimation]:
+    """What follows from the arrays, and what was found out about them; errors name arguments."""
+    file, tables, odd = _recording(time, sensors, stated_units)
+    tables["implausible"] = implausible
+    # Where anything else fails, a length that is odd may be why.
+    lengths = "".join(f"{sentence(one)} " for one in odd.values())
+    try:
+        configuration = _configuration(file, tables, statements).with_questions(questions)
+        pieces = plausible_pieces(logs.read_pieces(file, configuration), configuration, _NAME, heard)
+        log = logs.joined(list(pieces))
+        _judge(odd, log, configuration, heard)
+        return configuration, estimate(log, configuration)
+    except ImplausibleError as error:
+        errors = "; ".join([*odd.values(), *(_in_arguments(one) for one in error.errors if one not in odd.values())])
+        raise ValueError(f"{_NAME}: {sentence(errors)} If it is right as it is: implausible='ignore'") from error
+    except FileError as error:
+        raise ValueError(f"{lengths}{error}") from error
+    except InconsistentMeasurement:
+        raise
+    except ValueError as error:
+        if statements not in get_args(Carried):
+            raise ValueError(f"{lengths}{error}") from error
+        remedy = unit_of_time(times_of(time)) or _REMEDY
+        raise ValueError(f"{lengths}statements={statements!r}: {error}. {remedy}") from error
+
+
 def _known_questions(questions: Sequence[str]) -> Sequence[str]:
     """The questions as a list of words that are some."""
     if not isinstance(questions, Sequence):
@@ -162,13 +185,27 @@ def _in_arguments(error: str) -> str:
     return error if unit is None else f"{error}: gyr_unit={unit!r}?"
 
 
+def _judge(odd: Mapping[str, str], log: Log, configuration: Configuration, heard: Heard) -> None:
+    """Refuse lengths that all that is stated rules out, (18.16); the others are suspicious."""
+    stated = Stated(configuration)
+    for argument, said in odd.items():
+        sensor = next(one for one in configuration.directions if isinstance(one, _OF_ARGUMENT[argument]))
+        if stated.quotient(log, sensor.name) <= 1.0:
+            heard.suspicious.append(said)
+        elif configuration.implausible == "refuse":
+            raise ImplausibleError(_NAME, [said])
+        else:
+            heard.ignored.append(said)
+
+
 def _recording(
-    time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any], implausible: str, heard: Heard
-) -> tuple[ArrayLog, Tables]:
-    """The arrays as a log, and which of its columns are which sensors."""
+    time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any]
+) -> tuple[ArrayLog, Tables, dict[str, str]]:
+    """The arrays as a log, which of its columns are which sensors, and what is odd about the lengths of any."""
     times = times_of(time)
     columns: dict[str, FloatArray] = {"time[:]": times}
     named: dict[str, tuple[list[str], str]] = {}
+    odd: dict[str, str] = {}
     for name, values in sensors.items():
         known, unit = _UNITS[name], stated[name]
         if not isinstance(unit, str) or unit not in known:
@@ -176,22 +213,20 @@ def _recording(
         if values is None and name == "mag":
             continue
         vectors = vectors_of(name, values, len(times), may_be_missing=name != "gyr")
-        if name in _PLAUSIBLE:
-            fault = _implausible(name, unit, float(np.nanmedian(np.linalg.norm(vectors, axis=1))))
-            if fault and implausible == "refuse":
-                raise ValueError(f"{fault}. If it is right as it is: implausible='ignore'")
-            heard.ignored += [fault] if fault else []
+        if name in _USUAL:
+            said = _odd_length(name, unit, float(np.nanmedian(np.linalg.norm(vectors, axis=1))))
+            odd |= {name: said} if said else {}
         axes = [f"{name}[:, {i}]" for i in range(3)]
         columns |= dict(zip(axes, vectors.T, strict=True))
         named[_KINDS[name]] = axes, unit
     file = ArrayLog(columns, _NAME)
-    return file, mapping.as_written(mapping.of_sensors("time[:]", "s", named), file, repair=False)
+    return file, mapping.as_written(mapping.of_sensors("time[:]", "s", named), file, repair=False), odd
 
 
-def _implausible(name: str, unit: str, length: float) -> str:
+def _odd_length(name: str, unit: str, length: float) -> str:
     """What is said of a sensor whose median length suggests that its unit is not what is stated; else empty."""
     known = _UNITS[name]
-    least, most, what = _PLAUSIBLE[name]
+    least, most, what = _USUAL[name]
     if least <= known[unit] * length <= most:
         return ""
     fitting = [repr(other) for other, size in known.items() if least <= size * length <= most]

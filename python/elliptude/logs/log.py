@@ -19,14 +19,8 @@ from elliptude import units
 from elliptude.configuration import references
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow, RigidBodyFlow
-from elliptude.configuration.sensors import (
-    Accelerometer,
-    Direction,
-    Magnetometer,
-    RestPhase,
-    SunByTime,
-    WorldModel,
-)
+from elliptude.configuration.sensors import Accelerometer, Direction, Magnetometer
+from elliptude.configuration.statements import RestPhase, SunByTime, WorldModel
 from elliptude.io.column_files import origin_of
 from elliptude.io.files import FileError, sentence
 from elliptude.io.readers.base import LogFile
@@ -34,7 +28,8 @@ from elliptude.io.readers.open import LogSource, open_log
 from elliptude.io.tables import Measurements
 from elliptude.logs.alignment import ROUNDING_OF_STAMPS_S, OutOfOrderError, Piece, first_second, pieces, take
 from elliptude.logs.channels import clocks_of
-from elliptude.logs.repair import Lost, Repaired, Survey, require_rows_in_time, require_torques, survey
+from elliptude.logs.repair import Lost, Survey, require_rows_in_time, require_torques, survey
+from elliptude.logs.repaired import Repaired
 from elliptude.logs.rest_phase import RestField, field_in_rest
 from elliptude.typing import FloatArray
 

@@ -15,15 +15,8 @@ from elliptude.bounds.samples import VectorSensorBounds, angle_to_center
 from elliptude.configuration import references
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.rest_reference import has_constant_angle, why_rest_is_open
-from elliptude.configuration.sensors import (
-    AccelerationBound,
-    Accelerometer,
-    AnyDirection,
-    FieldBound,
-    Magnetometer,
-    RestPhase,
-    VelocityWindowBound,
-)
+from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer
+from elliptude.configuration.statements import AccelerationBound, FieldBound, RestPhase, VelocityWindowBound
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import LogFile
 from elliptude.logs.alignment import pieces

@@ -7,7 +7,7 @@ from elliptude.bounds.carried.one_matrix import OneMatrix, nuclear_norms
 from elliptude.bounds.carried.second_order import SecondOrder
 from elliptude.bounds.gyro import GyroBounds, scale_effects
 from elliptude.bounds.stamps import OffsetTurns
-from elliptude.bounds.window_averages import Piece, weighted
+from elliptude.bounds.window_averages import Piece
 from elliptude.bounds.windows import MotionBounds, field_bounds_over_windows, gravity_bounds_over_windows
 from inputs import angle_between
 from scipy.spatial.transform import Rotation
@@ -242,7 +242,7 @@ def test_powers_of_a_turn_about_one_axis_in_closed_form(triangular):
     piece, matrix = parts(times, rates, GyroBounds(0.0, scale_error=k), np.tile(G * UP, (1801, 1)))
     window = piece.window(np.array([row]), 4.0, "middle")
     average = list(piece.averages(window, triangular=True))[int(triangular)]
-    rising, falling = weighted(matrix._once, matrix._twice if triangular else None, window)
+    rising, falling = matrix._sums.sides(window, triangular=triangular)
     square, cube, apart = matrix._mean_products(window, average, np.array([0]), rising, falling)
     rate = of_matrix(k) * 3.0
     in_step = STEP**2 / 12.0 * 9.0 * np.sin(2.0 * STEP) / STEP
@@ -266,7 +266,7 @@ def triangle_mean(times, row, duration, values):
 
 
 def test_an_error_that_keeps_to_one_way_comes_near_the_edge():
-    """Rounds about one axis: before and after the row undo one another, and half of q² is left, of three quarters."""
+    """Rounds about one axis: before and after the row undo one another, and half of q² is left."""
     k, row = 0.01, 500
     times = STEP * np.arange(1001)
     rates = np.tile([0.0, 0.0, 30.0], (1001, 1))
@@ -277,7 +277,7 @@ def test_an_error_that_keeps_to_one_way_comes_near_the_edge():
     bound = turns_of(piece, gyro, row, 4.0)
     true = Rotation.from_rotvec((1.0 - of_matrix(k)) * (times - times[row])[:, None] * rates)
     off = triangle_mean(times, row, 4.0, frames.apply(vectors) - true.apply(vectors))
-    assert 0.5 * bound <= np.linalg.norm(off) <= bound
+    assert 0.7 * bound <= np.linalg.norm(off) <= bound
 
 
 def test_third_order_and_what_steps_leave_are_in_the_bound(monkeypatch):
@@ -327,7 +327,8 @@ def test_third_order_and_what_steps_leave_are_in_the_bound(monkeypatch):
 
 
 def test_products_count_with_the_square_of_the_scale_error(monkeypatch):
-    times, rates = shown_rates(1001, 6.0, 4)
+    times = STEP * np.arange(1001)
+    rates = 5.0 * np.sin(times[:, None] * [7.0, 9.0, 11.0] + [0.0, 1.0, 2.0])
     gyro = GyroBounds(0.0, scale_error=0.02)
     piece, _ = parts(times, rates, gyro, carried(STEP * rates[1:]).inv().apply(G * UP))
     whole = turns_of(piece, gyro, 500, 3.0)

@@ -134,6 +134,17 @@ def test_a_rate_that_changes_within_the_offset(way):
     assert 0.2 * found.angles[row] < error <= found.angles[row]
 
 
+@pytest.mark.parametrize("rate", [0.5, 10.0])
+def test_what_a_slope_leaves_of_an_even_turn_is_attained(rate):
+    """About an axis across the vector, (18.59): the arc is off its tangent by half of the square of the turn."""
+    times, tau = 0.005 * np.arange(41), 0.02
+    rates, vectors = np.tile(rate * X, (41, 1)), np.tile(G * UP, (41, 1))
+    found = turns_within_offset(times, rates, vectors, times, tau, 0.0, EXACT)
+    turned = about(X, np.array([tau * rate])).apply(UP)[0]
+    left = np.linalg.norm(turned - UP - tau * np.cross(rate * X, UP))
+    assert left <= found.others[20] <= 1.01 * left
+
+
 def test_what_is_of_second_order_contradicts_nothing():
     """A turn there and back: what each sample is turned by makes the mean shorter, and nothing else explains that."""
     times, tau, rate = 0.005 * np.arange(401), 0.02, 10.0

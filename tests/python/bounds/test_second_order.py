@@ -9,6 +9,7 @@ from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.stamps import OffsetTurns
 from elliptude.bounds.turns import attitudes_from_rates
 from elliptude.bounds.window_averages import Piece
+from elliptude.bounds.windows import MotionBounds, gravity_bounds_over_windows
 from scipy.spatial.transform import Rotation
 
 STEP, COUNT, ROW = 0.002, 1501, 700
@@ -196,6 +197,40 @@ def test_sums_do_not_depend_on_how_many_rows_are_worked_on_at_once(monkeypatch):
     gyro = GyroBounds(0.0, scale_error=0.01)
     piece = frame_and_piece(times, rates, vectors, gyro)
     effects = OneMatrix(piece, gyro)._effects
-    whole = SecondOrder(piece.steps, effects, piece.carried)._once
+    whole = SecondOrder(piece.steps, effects, piece.rows, piece.carried)._sums.once
     monkeypatch.setattr("elliptude.bounds.carried.second_order._AT_ONCE", 100)
-    np.testing.assert_array_equal(SecondOrder(piece.steps, effects, piece.carried)._once, whole)
+    np.testing.assert_array_equal(SecondOrder(piece.steps, effects, piece.rows, piece.carried)._sums.once, whole)
+
+
+def whole_turns(size):
+    """Rates of turns there and back between two samples: about four axes across x by whole rounds, with a sign each."""
+    across = [np.array([0.0, np.cos(angle), np.sin(angle)]) for angle in np.radians([0.0, 45.0, 90.0, 135.0])]
+    x, eighth, whole = np.array([1.0, 0.0, 0.0]), 0.25 * np.pi, 2.0 * np.pi
+    legs = [(across[0], whole), (-x, eighth), (-across[1], whole), (-x, eighth)]
+    legs += [(across[2], whole), (-x, eighth), (-across[3], whole), (x, 3.0 * eighth)]
+    rates = [np.zeros(3)]
+    for axis, angle in legs:
+        steps = int(np.ceil(2.0 * angle / size))
+        profile = np.sin(np.pi * np.arange(1, steps + 1) / steps) ** 2
+        rates += list(np.outer(profile * angle / (0.01 * profile.sum()), axis))
+    one_way = np.array(rates)
+    return np.concatenate([-one_way[:0:-1], one_way])
+
+
+@pytest.mark.parametrize("limit", [1e-3, 2e-4])
+def test_areas_between_samples_count(limit):
+    """Three samples, and a body that turns so between them that a matrix does nothing of first order at these."""
+    rates = whole_turns(0.01 if limit > 5e-4 else 0.005)
+    count, row = len(rates), len(rates) // 2
+    times, wrong = 0.01 * np.arange(count), limit * np.diag([0.0, 1.0, -1.0])
+    true = attitudes_from_rates(np.full(count - 1, 0.01), rates - rates @ wrong.T)
+    ups = np.einsum("nji,j->ni", true[row].T @ true, [0.0, 0.0, 1.0])
+    forces = np.full((count, 3), np.nan)
+    forces[[0, row, -1]] = 9.81 * ups[[0, row, -1]]
+    k = np.linalg.norm(wrong @ np.linalg.inv(np.eye(3) - wrong), 2)
+    found = gravity_bounds_over_windows(
+        times, forces, rates, [times[-1]], motion=MotionBounds(acceleration=0.0, jerk=0.0),
+        gyro=GyroBounds(0.0, scale_error=k), gravity=9.81, at="middle", every=row,
+    )  # fmt: skip
+    error = np.linalg.norm(np.cross(ups[row], found.directions[row]))
+    assert 0.1 * found.angles[row] <= error <= found.angles[row]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from elliptude.bounds.carried.frame import CarriedFrame
 from elliptude.bounds.carried.one_matrix import OneMatrix
+from elliptude.bounds.carried.steady_bias import SteadyBias
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.stamps import OffsetTurns
 from elliptude.bounds.turns import attitudes_from_rates
@@ -79,15 +80,15 @@ def test_a_bias_that_stays_comes_near_the_edge(seed, speed, triangular):
     assert bound < (0.5 if speed < 1.0 else 1.0) * anywhere
 
 
-def test_a_body_that_does_not_turn_sees_nothing_of_a_bias_that_stays():
-    times, rates = STEP * np.arange(COUNT), np.tile([0.0, 0.0, BIAS], (COUNT, 1))
+def test_a_bias_that_stays_does_nothing_to_first_order_where_the_gyro_shows_no_turn():
+    """What is left is half the square of the turn by the bias, whose mean is a sixth of that at the window's ends."""
+    times, rates = STEP * np.arange(COUNT), np.zeros((COUNT, 3))
     vectors = np.tile([G, 0.0, 0.0], (COUNT, 1))
     bound = bound_of(times, rates, vectors, GyroBounds(0.0, BIAS, bias_change=0.0))
-    off = np.linalg.norm(error_of(rates, vectors, rates))
-    # Of second order in the turn by the bias, whose square is in the mean a sixth of that at the window's ends.
-    square = (BIAS * 0.5 * DURATION) ** 2 / 6.0
-    assert off == pytest.approx(0.5 * G * square, rel=0.01)
-    assert off <= bound <= 3.0 * G * square
+    off = np.linalg.norm(error_of(rates, vectors, np.tile([0.0, 0.0, BIAS], (COUNT, 1))))
+    square = G * (BIAS * 0.5 * DURATION) ** 2 / 6.0
+    assert off == pytest.approx(0.5 * square, rel=0.01)
+    assert 0.45 * bound <= off <= bound
 
 
 def test_a_change_at_the_row_comes_to_the_edge_of_a_ball_for_any_two():
@@ -96,12 +97,39 @@ def test_a_change_at_the_row_comes_to_the_edge_of_a_ball_for_any_two():
     sign = np.sign(np.arange(COUNT) - ROW)[:, None]
     rates = 0.5 * change * sign * [1.0, 0.0, 0.0]
     vectors = np.tile([0.0, 0.0, G], (COUNT, 1))
-    bound = bound_of(times, rates, vectors, GyroBounds(0.0, 0.1, bias_change=change))
+    bound = bound_of(times, rates, vectors, GyroBounds(0.0, change, bias_change=change))
     off = np.linalg.norm(error_of(rates, vectors, rates))
     assert off == pytest.approx(G * 0.5 * change * 0.5 * DURATION / 3.0, rel=0.01)
-    by_change = G * np.sqrt(3.0 / 8.0) * change * 0.5 * DURATION / 3.0
-    square = G * (0.1 * 0.5 * DURATION) ** 2 / 6.0
-    assert off <= by_change <= bound <= 1.1 * (by_change + square + 0.1 * 0.5 * change * G)
+    assert 0.78 * bound <= off <= bound
+
+
+def test_a_drift_changes_the_bias_within_the_window():
+    """A bias that goes through zero at the row: its turn grows with the square of the time, both ways alike."""
+    times, drift = STEP * np.arange(COUNT), 0.002
+    away = (times - times[ROW])[:, None]
+    rates = drift * away * [1.0, 0.0, 0.0]
+    vectors = np.tile([0.0, 0.0, G], (COUNT, 1))
+    bound = bound_of(times, rates, vectors, GyroBounds(0.0, 1e-6, drift, bias_change=0.0))
+    off = np.linalg.norm(error_of(rates, vectors, rates))
+    assert off == pytest.approx(G * drift * (0.5 * DURATION) ** 2 / 12.0, rel=0.01)
+    assert 0.2 * bound <= off <= bound
+
+
+def test_the_mean_of_the_turn_by_the_matrix_times_the_time_in_closed_form():
+    """Of a turn about one axis, twice, with the bias: q grows with the time to the row."""
+    times, rate = STEP * np.arange(COUNT), 0.3
+    gyro = GyroBounds(0.0, BIAS, scale_error=0.05, bias_change=0.0)
+    piece = piece_of(times, np.tile([0.0, 0.0, rate], (COUNT, 1)), np.tile([0.0, 0.0, G], (COUNT, 1)), gyro)
+    window = piece.window(np.array([ROW]), DURATION, "middle")
+    average = list(piece.averages(window, triangular=True))[1]
+
+    def turns(straight):
+        bias = SteadyBias(piece, gyro, straight)
+        return bias.turns(window, average, np.array([0]), np.zeros(1), triangular=True)[0]
+
+    of_matrix = 0.05 / 0.95 * piece.turned
+    expected = BIAS / 0.95 * 2.0 * G * 0.05 / 0.95 * rate * (0.5 * DURATION) ** 2 / 6.0
+    assert turns(of_matrix) - turns(0.0 * of_matrix) == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_change_that_is_stated_too_large_is_no_worse_than_none():

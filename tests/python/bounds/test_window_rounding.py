@@ -86,6 +86,14 @@ def test_what_is_behind_a_long_step_is_as_good_as_what_is_before(rate, at):
     np.testing.assert_allclose(bounds.angles[1400:1600], bounds.angles[400:600], rtol=1e-6)
 
 
+def sums_of(stamps, values):
+    """`RunningIntegrals` in extended precision."""
+    sums = window_averages.RunningIntegrals(np.zeros(1), np.zeros((2, 1)))
+    sums.once = running_integral(stamps, values)
+    sums.twice = running_integral(stamps, sums.once)
+    return sums
+
+
 @pytest.mark.parametrize(
     "gyro",
     [
@@ -112,8 +120,7 @@ def test_running_sums_are_within_what_is_said_of_their_rounding(monkeypatch, gyr
     in_frame = np.einsum("nij,nj->ni", attitudes, vectors.astype(EXACT))
     lengths = np.sqrt((vectors.astype(EXACT) ** 2).sum(axis=1))
     columns = [np.ones_like(stamps), exact._steady, exact.turned, exact.elapsed, offsets.astype(EXACT)]
-    exact._once = running_integral(stamps, np.column_stack([in_frame, lengths[:, None] * np.column_stack(columns)]))
-    exact._twice = running_integral(stamps, exact._once)
+    exact._sums = sums_of(stamps, np.column_stack([in_frame, lengths[:, None] * np.column_stack(columns)]))
     rows = np.arange(400, 19_600, 37)
     lost = []
     for duration in (0.05, 2.5):
@@ -155,10 +162,8 @@ def test_sums_of_slopes_are_within_what_is_said_of_their_rounding(monkeypatch, r
     weights = lengths * across
     running = [np.ones_like(stamps), exact._steady, exact.turned, exact.elapsed, np.zeros_like(stamps)]
     columns = [weights, 0.3 * weights, in_frame, known[:, None] * in_frame]
-    exact._slope_once = running_integral(stamps, np.column_stack(columns))
-    exact._slope_twice = running_integral(stamps, exact._slope_once)
-    exact._across_once = running_integral(stamps, weights[:, None] * np.column_stack(running))
-    exact._across_twice = running_integral(stamps, exact._across_once)
+    exact._slopes = sums_of(stamps, np.column_stack(columns))
+    exact._across_sums = sums_of(stamps, weights[:, None] * np.column_stack(running))
     rows = np.arange(400, 19_600, 37)
     for duration in (0.05, 2.5):
         window, every = piece.window(rows, duration, at), np.arange(len(rows))

@@ -424,8 +424,32 @@ def test_a_rule_has_room_for_the_earth_between_anchors():
 
 def test_a_growth_needs_what_it_is_added_to():
     tables = hand_held().model_dump(mode="json", exclude_none=True)
-    tables["gyro"] |= {"noise_turn_growth_deg_per_s": 0.1}
+    del tables["gyro"]["noise_turn_deg"]
     with pytest.raises(ValueError, match="needs noise_turn_deg"):
         Rule.model_validate(tables)
     with pytest.raises(ValueError, match="needs noise_turn_deg"):
         Configuration.model_validate(changed(gyro(), "flow.noise_turn_growth_deg_per_s", 0.1))
+
+
+@pytest.mark.parametrize("mode", ["paper", "first_order"])
+def test_an_offset_of_the_truth_is_for_the_guaranteed_mode(tmp_path, mode):
+    """In the others it counted for nothing, and nobody was told."""
+    truth = {"attitude_columns": ["qw", "qx", "qy", "qz"]}
+    tables = gyro() | {"estimator": {"mode": mode}, "truth": truth}
+    assert read(tmp_path, tables).truth.time_offset_bound_s == 0.0
+    tables["truth"] = truth | {"time_offset_bound_s": 0.01}
+    with pytest.raises(FileError, match=r"truth\.time_offset_bound_s is for the guaranteed mode: .*truth\.error_deg"):
+        read(tmp_path, tables)
+    del tables["start"]
+    tables["estimator"] = {"mode": "guaranteed"}
+    tables["flow"]["bias_deg_per_s"] = 0.1
+    assert read(tmp_path, tables).truth.time_offset_bound_s == 0.01
+
+
+def test_a_rule_file_that_is_not_there_names_the_key(tmp_path):
+    tables = gyro() | {"estimator": {"mode": "guaranteed"}, "rule": {"kind": "file", "file": "absent.toml"}}
+    tables["directions"] = [{"kind": "accelerometer", "name": "up", "columns": ["ax", "ay", "az"], "unit": "m/s^2"}]
+    tables["flow"] = {"kind": "gyro", "columns": ["wx", "wy", "wz"]}
+    del tables["start"]
+    with pytest.raises(FileError, match=r"estimate\.toml: rule\.file: .*absent\.toml"):
+        read(tmp_path, tables)

@@ -120,8 +120,8 @@ def test_a_calibration_has_room_for_it():
 
 
 def test_a_change_of_the_bias_has_room_for_a_body_that_is_turned_over():
-    """Of the Earth's turn in the bias twice as much changes from one pose to the other, less what the noise may have."""
-    with pytest.raises(ValueError, match="bias_change_deg_per_s is 0.008: add it there"):
+    """Twice what of the Earth's turn is in the bias changes from one pose to the other, and not what the noise has."""
+    with pytest.raises(ValueError, match=r"bias_change_deg_per_s is 0\.008: add it there"):
         rule_of(0.1, bias_change_deg_per_s=0.008)
     rule_of(0.1, bias_change_deg_per_s=0.0084)
     rule_of(0.1, bias_change_deg_per_s=0.008, earth_rate="removed")
@@ -131,8 +131,8 @@ def test_a_change_of_the_bias_has_room_for_a_body_that_is_turned_over():
 
 
 def test_windows_hold_where_the_earths_turn_uses_up_the_change():
-    """Turned over within a window, with nothing else wrong; by a change of half of it the truth would come out."""
-    times, rates, true, forces = turned_over(angle=np.pi)
+    """Turned over within a window, with nothing else wrong."""
+    times, rates, _, forces = turned_over(angle=np.pi)
     rule = rule_of(0.0084, bias_change_deg_per_s=0.0084)
     found = apply_rule(rule, times, rates, forces)
     turned = found.up.directions

@@ -23,7 +23,8 @@ HAND = {
     },
     "gyro": {
         "noise_deg_per_s": 1.0, "bias_deg_per_s": 0.25, "drift_deg_per_s2": 0.0, "scale_error": 0.02,
-        "increment_deg": 0.2, "longest_interval_s": 0.015, "largest_rate_deg_per_s": 2000.0,
+        "increment_deg": 0.2, "bias_change_deg_per_s": 0.23, "noise_turn_deg": 0.25,
+        "noise_turn_growth_deg_per_s": 0.13, "longest_interval_s": 0.015, "largest_rate_deg_per_s": 2000.0,
         "largest_angular_acceleration_deg_per_s2": 60000.0,
     },
     "accelerometer": {

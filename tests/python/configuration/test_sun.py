@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from elliptude.configuration import sun
-from elliptude.configuration.sensors import SUN_ERROR_DEG
+from elliptude.configuration.statements import SUN_ERROR_DEG
 from elliptude.simulation import fermi
 from scipy.spatial.transform import Rotation
 

@@ -16,7 +16,7 @@ from elliptude.configuration import Configuration
 from elliptude.configuration.references import sun_directions
 from elliptude.configuration.rules import apply_rule, hand_held
 from elliptude.configuration.rules.at_start import field_at_rest, up_at_rest
-from elliptude.configuration.sensors import SunByTime
+from elliptude.configuration.statements import SunByTime
 from elliptude.estimation import guaranteed_run
 from elliptude.estimation.direction_rows import direction_rows
 from elliptude.io.files import FileError

@@ -260,6 +260,30 @@ TIMES, RATES, FORCES, FIELDS, _ = made(count=300)
 GOOD = {"time": TIMES, "gyr": RATES, "acc": FORCES, "mag": FIELDS, "mag_unit": "uT"}
 
 
+def test_a_field_that_no_statement_rules_out_is_suspicious(recording):
+    """A tenth of the Earth's field, as in a shielded room: odd, but nothing that is stated contradicts it."""
+    times, rates, forces, fields, _ = recording
+    found = el.ahrs(times, rates, forces, 0.08 * fields, mag_unit="uT")
+    assert any(
+        re.match(r"suspicious: mag: its median length is 3\.58 uT, not the Earth's field", one) for one in found.notes
+    )
+    assert (found.up_claims == "unconditional").all()
+
+
+def test_an_acceleration_that_a_rule_states_is_suspicious(recording, tmp_path):
+    """As on a centrifuge: above 2 g in the mean, and a rule that allows it."""
+    times, rates, forces, _, _ = recording
+    forces = forces.copy()
+    forces[300:] *= 3.0
+    rule = rule_for("hand").model_dump(mode="json", exclude_none=True)
+    rule["motion"] |= {"velocity_m_per_s": 1e4, "position_m": 1e5}
+    rule["accelerometer"]["scale_error"] = 0.9
+    path = tmp_path / "centrifuge.toml"
+    path.write_text(tomlkit.dumps(rule))
+    found = el.ahrs(times, rates, forces, statements=path)
+    assert any(note.startswith("suspicious: acc: its median length is 29") for note in found.notes)
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

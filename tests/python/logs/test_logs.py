@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 import recorders
 from elliptude.configuration import Configuration, references, sun
-from elliptude.configuration.sensors import RestPhase, SunByTime, WorldModel
+from elliptude.configuration.statements import RestPhase, SunByTime, WorldModel
 from elliptude.io.files import FileError
 from elliptude.io.readers.text import csv as csv_files
 from elliptude.logs import log as logs

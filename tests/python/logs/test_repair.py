@@ -8,7 +8,8 @@ from elliptude import logs
 from elliptude.configuration.configuration import Configuration
 from elliptude.io.files import FileError
 from elliptude.logs.log import faults_of, joined
-from elliptude.logs.repair import _in_file, _out_of_order
+from elliptude.logs.order_of_rows import out_of_order
+from elliptude.logs.repaired import row_in_file
 
 H = 0.01
 HEADER = "t;gx;gy;gz;ax;ay;az"
@@ -175,10 +176,10 @@ def test_a_counter_that_begins_anew_is_named(tmp_path, size):
 
 def order(times, marks=None):
     marks = np.arange(len(times), dtype=np.uint64) if marks is None else np.array(marks, dtype=np.uint64)
-    return tuple(part.tolist() for part in _out_of_order(np.array(times), marks[:, None]))
+    return tuple(part.tolist() for part in out_of_order(np.array(times), marks[:, None]))
 
 
-def test_rows_out_of_order():
+def test_rowsout_of_order():
     regular = [1.0 + H * i for i in range(50)]
     assert order(regular) == ([], [], [])
 
@@ -224,7 +225,7 @@ def test_a_clock_that_was_set_back_beside_a_pause():
 
 def test_rows_in_the_file():
     left_out = np.array([2, 3, 7])
-    assert [_in_file(left_out, row) for row in range(7)] == [0, 1, 4, 5, 6, 8, 9]
+    assert [row_in_file(left_out, row) for row in range(7)] == [0, 1, 4, 5, 6, 8, 9]
 
 
 def test_parquet_nan_and_batches(tmp_path, monkeypatch):

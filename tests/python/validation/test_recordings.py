@@ -5,20 +5,21 @@ import itertools
 import json
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import elliptude
 import numpy as np
 import pytest
 import tomlkit
 from drawn_recordings import FIXED, GUARANTEED, STAR, require_noticed, smaller, without
-from elliptude import cli
+from elliptude import cli, units
 from elliptude.bounds import gyro as gyro_bounds
 from elliptude.bounds import turns
 from elliptude.bounds.carried import one_matrix
 from elliptude.bounds.carried.steady_bias import SteadyBias
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.samples import VectorSensorBounds
-from elliptude.bounds.velocity import VelocityOfRows
+from elliptude.bounds.velocity import MeasuredVelocity, VelocityOfRows
 from elliptude.bounds.windows import MotionBounds
 from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
@@ -27,6 +28,7 @@ from elliptude.configuration.rules import apply
 from elliptude.configuration.sensors import Direction, DirectionBase
 from elliptude.estimation import direction_rows, guaranteed_run
 from elliptude.io.toml import validate
+from elliptude.logs import channels
 from elliptude.logs.log import Log
 from elliptude.logs.rest_phase import ReferenceBounds
 from elliptude.validation.recordings import trials
@@ -111,7 +113,7 @@ def up(window=None, **more):
 STILL_UP = up({"velocity_m_per_s": 0.0})
 
 
-def ruled(**tables):
+def ruled(directions=(UP, FIELD), flow=None, beside=None, **tables):
     rule = {"kind": "stated"} | rules.hand_held().model_dump(mode="json", exclude_none=True)
     rule["gyro"] = {"noise_deg_per_s": 0.1, "bias_deg_per_s": 0.1, "drift_deg_per_s2": 0.0, "scale_error": 0.0}
     rule["motion"] |= {"velocity_m_per_s": 0.0, "position_m": 0.0, "windows_s": [2.0]}
@@ -122,10 +124,19 @@ def ruled(**tables):
     rule["magnetometer"] |= {"time_offset_bound_s": 0.0, "delay_s": 0.0}
     for name, table in tables.items():
         rule[name] |= table
-    configuration = {"time_column": "t", "rule": rule, "flow": {"kind": "gyro", "columns": ["gx", "gy", "gz"]}}
-    configuration["directions"] = [UP, FIELD]
-    configuration["estimator"] = GUARANTEED
-    return validate(Path("a test"), configuration, Configuration)
+    configuration = {"time_column": "t", "rule": rule, "directions": list(directions), "estimator": GUARANTEED}
+    configuration["flow"] = {"kind": "gyro", "columns": ["gx", "gy", "gz"]} | (flow or {})
+    return validate(Path("a test"), configuration | (beside or {}), Configuration)
+
+
+VELOCITY = {"columns": ["u", "v", "w"], "unit": "km/h", "error_m_per_s": 0.5, "largest_acceleration_m_per_s2": 2.0}
+
+
+def ruled_with_velocity(**more):
+    """A rule that says next to nothing of the motion beside a measured velocity."""
+    return ruled(
+        beside={"velocity": VELOCITY | more}, motion={"velocity_m_per_s": 50.0, "position_m": 500.0, "windows_s": [2.0]}
+    )
 
 
 WEAKENED = {
@@ -262,11 +273,43 @@ WEAKENED = {
             },
         ),
     ),
+    "a rule with a measured velocity": (
+        lambda m: smaller(m, VelocityOfRows, "mean_acceleration"),
+        ruled_with_velocity,
+    ),
+    "how late a rule's velocity may be": (
+        lambda m: m.setattr(direction_rows, "MeasuredVelocity", lambda *given: MeasuredVelocity(*given[:4], 0.0)),
+        lambda: ruled_with_velocity(error_m_per_s=1e-6, time_offset_bound_s=0.2),
+    ),
+    "a rule's velocity in another unit": (
+        lambda m: other_unit(m, "VELOCITY", "km/h", 0.9),
+        lambda: ruled_with_velocity(error_m_per_s=1e-6),
+    ),
+    "a rule's accelerometer in another unit": (
+        lambda m: other_unit(m, "ACCELERATION", "g", 1.0001),
+        lambda: ruled((UP | {"unit": "g"}, FIELD)),
+    ),
+    "a rule's gyro in another unit": (
+        lambda m: other_unit(m, "ANGULAR_VELOCITY", "deg/s", 1.01),
+        lambda: ruled(flow={"unit": "deg/s"}),
+    ),
+    "what a rule states in µT of a field in another unit": (
+        lambda m: m.setattr(direction_rows, "_MICROTESLA", 0.8 * direction_rows._MICROTESLA),
+        lambda: ruled((UP, FIELD | {"unit": "mG"}), magnetometer={"disturbance_ut": 5.0}),
+    ),
     "a rule's reference field": (
         lambda m: m.setattr(apply, "field_at_rest", _exact(apply.field_at_rest)),
         lambda: ruled(magnetometer={"error_ut": 2.0, "averaged_error_ut": 2.0}),
     ),
 }
+
+
+def other_unit(monkeypatch, table, unit, factor):
+    """Let a log be read as if a unit were this much larger; recordings are written with the right one."""
+    wrong = {name: getattr(units, name) for name in ("ACCELERATION", "ANGULAR_VELOCITY", "VELOCITY")}
+    wrong[table] = wrong[table] | {unit: factor * wrong[table][unit]}
+    others = {name: getattr(units, name) for name in dir(units) if name not in wrong and not name.startswith("__")}
+    monkeypatch.setattr(channels, "units", SimpleNamespace(**others, **wrong))
 
 
 def _without_scale(whole):

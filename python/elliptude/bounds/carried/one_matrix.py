@@ -4,7 +4,6 @@ Before the row and after it such an error turns the carried frame in opposite wa
 """
 
 import math
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from elliptude.bounds.carried.second_order import ROUNDED_NORM, SecondOrder, cro
 from elliptude.bounds.carried.steady_bias import SteadyBias
 from elliptude.bounds.gyro import GyroBounds, scale_effects
 from elliptude.bounds.turns import lengths_of, running_sum
-from elliptude.bounds.window_averages import Average, Piece, Window, weighted, weighted_whole
+from elliptude.bounds.window_averages import Average, Piece, RunningIntegrals, Window
 from elliptude.typing import FloatArray
 
 _EPSILON = float(np.finfo(np.float64).eps)
@@ -22,7 +21,7 @@ _EPSILON = float(np.finfo(np.float64).eps)
 _DIRECTIONS = 8
 _POLYGON = math.cos(0.5 * math.pi / _DIRECTIONS)
 # Products are worked out one by one where they may be more than this share of the bound.
-_WORTH = 0.005
+_WORTH = 0.02
 
 
 def nuclear_norms(matrices: FloatArray) -> FloatArray:
@@ -67,25 +66,15 @@ class OneMatrix:
         # What is off without the matrix, noise apart; of the bias 1/(1 - k) as much counts as of the frame.
         biased = running_sum(frame.steps, gyro.bias + gyro.drift * frame.since_known)
         self._biased = biased[rows] + piece.apart / self._other
-        self._pushed = running_sum(steps, crossed(self._effects, piece.carried).reshape(-1, 27))
+        self._pushed = RunningIntegrals(steps, crossed(self._effects, piece.carried).reshape(-1, 27))
         # q: what the matrix would turn if all its effects had one direction.
         self._straight = self._scale * piece.turned
         lengths = lengths_of(piece.carried)
         turned = self._straight
         averaged = [self._biased, self._chords, turned, turned**2, turned**3, piece.apart, piece.apart * turned]
         self._bias = SteadyBias(piece, gyro, turned) if gyro.is_steady else None
-        self._once = running_sum(steps, lengths[:, None] * np.column_stack(averaged))
-        self._second_order = SecondOrder(steps, self._effects, piece.carried)
-
-    @cached_property
-    def _pushed_twice(self) -> FloatArray:
-        """The sums of `_pushed`, which triangular weights alone need."""
-        return running_sum(self._piece.steps, self._pushed)
-
-    @cached_property
-    def _twice(self) -> FloatArray:
-        """The sums of `_once`, likewise."""
-        return running_sum(self._piece.steps, self._once)
+        self._sums = RunningIntegrals(steps, lengths[:, None] * np.column_stack(averaged))
+        self._second_order = SecondOrder(steps, effects, rows, piece.carried)
 
     def turns(
         self, window: Window, average: Average, indices: NDArray[np.intp], below: FloatArray, *, triangular: bool
@@ -111,7 +100,7 @@ class OneMatrix:
             The sensor's unit.
         """
         gyro, of, mean = self._gyro, window.take(indices), average.mean[indices]
-        rising, falling = weighted(self._once, self._twice if triangular else None, of)
+        rising, falling = self._sums.sides(of, triangular=triangular)
         # A running bound is less before the row than at the row, and more after it.
         inward = average.rising[indices] - average.falling[indices]
         outward = (falling - rising).T
@@ -137,7 +126,7 @@ class OneMatrix:
         turns: FloatArray = self._scale * push + integrated + noise + biased
         turns += self._piece.by_stamps_of_frame(of, average, indices, triangular=triangular)
         turns += self._rounding(of, average, indices, entries)
-        second = 0.75 * square
+        second = 0.5 * square
         some = np.flatnonzero((turns < below) & (second > _WORTH * below))
         if len(some):
             lost = np.column_stack([average.share[indices], entries])[some]
@@ -150,9 +139,8 @@ class OneMatrix:
         return turns + second
 
     def _mean_push(self, window: Window, *, triangular: bool) -> FloatArray:
-        """The weighted means of the effects crossed with what is averaged, as `weighted`, shape (m, 3, 9)."""
-        means = weighted_whole(self._pushed, self._pushed_twice if triangular else None, window)
-        return means.reshape(-1, 3, 9)
+        """The weighted means of the effects crossed with what is averaged, shape (m, 3, 9)."""
+        return self._pushed.means(window, triangular=triangular).reshape(-1, 3, 9)
 
     def _entries_lost(self, window: Window, average: Average, indices: NDArray[np.intp]) -> FloatArray:
         """What the mean of a number may lose by rounding that each row of the window adds an epsilon to."""

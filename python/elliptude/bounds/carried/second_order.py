@@ -3,9 +3,10 @@
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elliptude.bounds.turns import lengths_of, running_sum
-from elliptude.bounds.window_averages import Window, weighted_whole
+from elliptude.bounds.window_averages import RunningIntegrals, Window
 from elliptude.typing import FloatArray
 
 _EPSILON = float(np.finfo(np.float64).eps)
@@ -23,20 +24,23 @@ class SecondOrder:
     """Running integrals of a piece, from which the part of second order of any mean in it follows.
 
     The carried frame's error grows with S(d), d = P vec K', and with iterated integrals of it. Those of two factors are
-    S(d)² and S(g), g the integral of d × ḋ, along the straight lines between rows.
+    S(d)² and S(g), g the integral of d × ḋ, along the straight lines between rows of the gyro.
 
     Parameters
     ----------
     steps : (n - 1,) array
-        s.
-    effects : (n, 3, 9) array
-        P, from the beginning of the piece.
+        Between samples of what is averaged, s.
+    effects : (N, 3, 9) array
+        P at the gyro's rows, from the beginning of the piece.
+    rows : (n,) array
+        Which of these have a sample.
     vectors : (n, 3) array
         What is averaged, in the carried frame.
     """
 
-    def __init__(self, steps: FloatArray, effects: FloatArray, vectors: FloatArray) -> None:
-        self._steps, self._effects, self._vectors = steps, effects, vectors
+    def __init__(self, steps: FloatArray, effects: FloatArray, rows: NDArray[np.intp], vectors: FloatArray) -> None:
+        self._steps, self._of_gyro, self._rows, self._vectors = steps, effects, rows, vectors
+        self._effects = effects[rows]
 
     def bounds(
         self, window: Window, means: FloatArray, effects: FloatArray, lost: FloatArray, *, triangular: bool
@@ -86,7 +90,7 @@ class SecondOrder:
         Arguments are those of `bounds`.
         """
         at_row = self._effects.take(window.row, axis=0)
-        sums = weighted_whole(self._once, self._twice if triangular else None, window).reshape(-1, 3, 45)
+        sums = self._sums.means(window, triangular=triangular).reshape(-1, 3, 45)
         areas = self._areas.take(window.row, axis=0)
         of_row = _pairs(at_row, crossed(at_row, means) + 2.0 * effects) + crossed(areas, means)
         products: FloatArray = (of_row - sums) * _FACTORS
@@ -95,26 +99,21 @@ class SecondOrder:
     @cached_property
     def _areas(self) -> FloatArray:
         """Integrals of d × ḋ from the first row, as products of two entries of K', shape (n, 3, 45)."""
-        areas = np.zeros((len(self._effects), 3, 45))
-        for some in self._blocks():
-            before, after = self._effects[:-1][some], self._effects[1:][some]
+        areas = np.zeros((len(self._of_gyro), 3, 45))
+        for some in _blocks(len(areas)):
+            before, after = self._of_gyro[:-1][some], self._of_gyro[1:][some]
             areas[1:][some] = _pairs(before, after - before)
-        return np.cumsum(areas, axis=0, out=areas)
+        return np.cumsum(areas, axis=0, out=areas)[self._rows]
 
     @cached_property
-    def _once(self) -> FloatArray:
-        """Running integrals of S(d)² y + S(g) y, twice over, shape (n, 135)."""
+    def _sums(self) -> RunningIntegrals:
+        """Of S(d)² y + S(g) y, twice over, 135 columns."""
         products = np.empty((len(self._effects), 135))
-        for some in self._blocks():
+        for some in _blocks(len(products)):
             effects, vectors = self._effects[some], self._vectors[some]
             whole = _pairs(effects, crossed(effects, vectors)) + crossed(self._areas[some], vectors)
             products[some] = whole.reshape(-1, 135)
-        return running_sum(self._steps, products)
-
-    @cached_property
-    def _twice(self) -> FloatArray:
-        """The sums of `_once`, which triangular weights alone need."""
-        return running_sum(self._steps, self._once)
+        return RunningIntegrals(self._steps, products)
 
     @cached_property
     def _sizes(self) -> FloatArray:
@@ -128,8 +127,10 @@ class SecondOrder:
         sums = running_sum(self._steps, lengths_of(self._vectors) * sizes)
         return np.column_stack([sums, np.maximum.accumulate(sizes), np.maximum.accumulate(effects)])
 
-    def _blocks(self) -> list[slice]:
-        return [slice(start, start + _AT_ONCE) for start in range(0, len(self._effects), _AT_ONCE)]
+
+def _blocks(count: int) -> list[slice]:
+    """Rows to be worked on one after another."""
+    return [slice(start, start + _AT_ONCE) for start in range(0, count, _AT_ONCE)]
 
 
 def crossed(columns: FloatArray, vectors: FloatArray) -> FloatArray:

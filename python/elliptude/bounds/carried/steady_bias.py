@@ -3,15 +3,13 @@
 Before the row and after it such a bias turns the carried frame in opposite ways.
 """
 
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import NDArray
 
 from elliptude.bounds.carried.second_order import crossed, largest_singular_values
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.turns import from_the_first, lengths_of, running_sum
-from elliptude.bounds.window_averages import Average, Piece, Window, weighted, weighted_whole
+from elliptude.bounds.window_averages import Average, Piece, RunningIntegrals, Window
 from elliptude.typing import FloatArray
 
 
@@ -36,20 +34,10 @@ class SteadyBias:
         changed = steps * lengths_of(np.diff(frame.rates, axis=0))
         bends = from_the_first(steps * (turned**2 + changed) / 12.0)[rows]
         self._moved = running_sum(steps, frame.attitudes)[rows]
-        self._pushed = running_sum(piece.steps, crossed(self._moved, piece.carried).reshape(-1, 9))
+        self._pushed = RunningIntegrals(piece.steps, crossed(self._moved, piece.carried).reshape(-1, 9))
         elapsed, lengths = piece.elapsed, lengths_of(piece.carried)
         averaged = np.column_stack([bends, elapsed, straight, elapsed**2, elapsed * straight])
-        self._bends, self._once = bends, running_sum(piece.steps, lengths[:, None] * averaged)
-
-    @cached_property
-    def _pushed_twice(self) -> FloatArray:
-        """The sums of `_pushed`, which triangular weights alone need."""
-        return running_sum(self._piece.steps, self._pushed)
-
-    @cached_property
-    def _twice(self) -> FloatArray:
-        """The sums of `_once`, likewise."""
-        return running_sum(self._piece.steps, self._once)
+        self._bends, self._sums = bends, RunningIntegrals(piece.steps, lengths[:, None] * averaged)
 
     def turns(
         self, window: Window, average: Average, indices: NDArray[np.intp], entries: FloatArray, *, triangular: bool
@@ -78,9 +66,9 @@ class SteadyBias:
         spanned = average.spanned[indices]
         other = 1.0 / (1.0 - gyro.scale_error)
         most = other * (gyro.bias + gyro.drift * piece.since_known[stop])
-        means = weighted_whole(self._pushed, self._pushed_twice if triangular else None, window).reshape(-1, 3, 3)
+        means = self._pushed.means(window, triangular=triangular).reshape(-1, 3, 3)
         push = largest_singular_values(means - crossed(self._moved.take(row, axis=0), mean))
-        rising, falling = weighted(self._once, self._twice if triangular else None, window)
+        rising, falling = self._sums.sides(window, triangular=triangular)
         _, once, straight, square, product = (rising + falling).T
         elapsed, turned = piece.elapsed[row], self._straight[row]
         inward = average.rising[indices] - average.falling[indices]

@@ -114,12 +114,7 @@ class AccelerometerRule(Model):
 
     def sensor(self) -> VectorSensorBounds:
         """In SI units."""
-        return VectorSensorBounds(
-            error=self.error_m_per_s2,
-            scale_error=self.scale_error,
-            averaged_error=self.averaged_error_m_per_s2,
-            averaged_over=self.averaged_over_s,
-        )
+        return _sensor_of(self, self.error_m_per_s2, self.averaged_error_m_per_s2)
 
 
 class MotionRule(Model):
@@ -162,12 +157,17 @@ class MagnetometerRule(Model):
 
     def sensor(self) -> VectorSensorBounds:
         """In µT."""
-        return VectorSensorBounds(
-            error=self.error_ut,
-            scale_error=self.scale_error,
-            averaged_error=self.averaged_error_ut,
-            averaged_over=self.averaged_over_s,
-        )
+        return _sensor_of(self, self.error_ut, self.averaged_error_ut)
+
+
+def _sensor_of(rule: AccelerometerRule | MagnetometerRule, error: float, averaged_error: float) -> VectorSensorBounds:
+    """Bounds of a sensor's own errors; the two that have a unit in the name of their keys are given."""
+    return VectorSensorBounds(
+        error=error,
+        scale_error=rule.scale_error,
+        averaged_error=averaged_error,
+        averaged_over=rule.averaged_over_s,
+    )
 
 
 class Rule(Model):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import elliptude
 from elliptude.configuration.configuration import Configuration
-from elliptude.configuration.sensors import VelocityWindowBound
+from elliptude.configuration.statements import VelocityWindowBound
 from elliptude.estimation.best.motions import LEAST, Motion, motion_of
 from elliptude.estimation.best.multiplicative_filter import MultiplicativeFilter
 from elliptude.estimation.guaranteed_run import CONDITIONAL, GuaranteedRun

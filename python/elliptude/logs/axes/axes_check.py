@@ -22,16 +22,8 @@ from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import Rule
-from elliptude.configuration.sensors import (
-    AccelerationBound,
-    Accelerometer,
-    AnyDirection,
-    FieldBound,
-    Magnetometer,
-    VelocityWindowBound,
-    WorldModel,
-    rotation_of_axes,
-)
+from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer, rotation_of_axes
+from elliptude.configuration.statements import AccelerationBound, FieldBound, VelocityWindowBound, WorldModel
 from elliptude.logs.axes import sensor_axes
 from elliptude.logs.axes.sensor_axes import ROTATIONS, AngleMisfit, VectorStatement
 from elliptude.logs.axes.stated import Stated

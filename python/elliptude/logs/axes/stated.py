@@ -19,14 +19,8 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import FirstMeasurementStart, GivenStart
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import after_rest, rest_at_start
-from elliptude.configuration.sensors import (
-    AccelerationBound,
-    Accelerometer,
-    AnyDirection,
-    FieldBound,
-    Magnetometer,
-    VelocityWindowBound,
-)
+from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer
+from elliptude.configuration.statements import AccelerationBound, FieldBound, VelocityWindowBound
 from elliptude.logs.axes import sensor_axes
 from elliptude.logs.axes.sensor_axes import AngleMisfit, RatesBeside, VectorStatement
 from elliptude.logs.log import Log
@@ -35,39 +29,13 @@ from elliptude.typing import FloatArray
 _MICROTESLA = units.FIELD["uT"]
 
 
-@dataclass(frozen=True)
-class GyroOverAnyTime(GyroBounds):
-    """Bounds of a gyro whose noise's integral and turn are stated for windows up to a length, over any time."""
-
-    stated_for: float = np.inf
-    """That length, s."""
-
-    def noise_angle(
-        self,
-        durations: FloatArray | float,
-        turned: FloatArray | float,
-        longest: FloatArray | float,
-        length: FloatArray | float = 1.0,
-    ) -> FloatArray:
-        """The sum of what noise turns in pieces of that length, of which there are at most T / L + 1."""
-        spans, lengths = np.asarray(durations, dtype=np.float64), np.asarray(length, dtype=np.float64)
-        rate, pieces = self.noise / (1.0 - self.scale_error), lengths + spans / self.stated_for
-        angle: FloatArray = rate * spans
-        if np.isfinite(self.increment):
-            piece = np.minimum(np.asarray(longest, dtype=np.float64), self.stated_for)
-            angle = np.minimum(angle, self.swept_increment(turned, pieces) * (1.0 + 0.5 * rate * piece))
-        if np.isfinite(self.noise_turn):
-            angle = np.minimum(angle, self.noise_turn * pieces + self.noise_turn_growth * spans)
-        return angle
-
-
 @dataclass(frozen=True, eq=False)
 class StatedRates:
     """The rates of a log, less what is known of their bias, and all that is stated of them."""
 
     rates: FloatArray
     """rad/s, shape (N, 3)."""
-    gyro: GyroOverAnyTime
+    gyro: GyroBounds
     beside: RatesBeside
 
 
@@ -117,7 +85,7 @@ class Stated:
         # What drifted before this piece.
         bounds = replace(bounds, bias=bounds.bias + bounds.drift * abs(begin - self._began))
         rates = np.column_stack([np.interp(log.times, log.times[known], column[known]) for column in log.rates.T])
-        gyro = GyroOverAnyTime(**vars(bounds), stated_for=self._longest_window())
+        gyro = replace(bounds, longest_window=self._longest_window())
         return StatedRates(rates - bias, gyro, _beside(log, rates, samples, longest, flow))
 
     def quotient(self, log: Log, name: str) -> float:

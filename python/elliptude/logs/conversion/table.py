@@ -8,7 +8,8 @@ import numpy as np
 
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
-from elliptude.configuration.sensors import Accelerometer, AnyDirection, Direction, Magnetometer, RestPhase, SunByTime
+from elliptude.configuration.sensors import Accelerometer, AnyDirection, Direction, Magnetometer
+from elliptude.configuration.statements import RestPhase, SunByTime
 from elliptude.io import tables
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import Cells

@@ -14,7 +14,8 @@ from elliptude import units
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import GivenStart
 from elliptude.configuration.motion import GyroFlow
-from elliptude.configuration.sensors import AnyDirection, Direction, Magnetometer, Rate, RestPhase, rotation_of_axes
+from elliptude.configuration.sensors import AnyDirection, Direction, Magnetometer, Rate, rotation_of_axes
+from elliptude.configuration.statements import RestPhase
 from elliptude.io.files import FileError
 from elliptude.typing import FloatArray
 from elliptude.validation.recordings.bodies import draw_body

@@ -10,16 +10,8 @@ from elliptude.bounds.samples import VectorSensorBounds
 from elliptude.bounds.turns import running_integral
 from elliptude.configuration import references
 from elliptude.configuration.calibration import AccelerometerCalibration
-from elliptude.configuration.sensors import (
-    Accelerometer,
-    AnyDirection,
-    Direction,
-    Magnetometer,
-    Rate,
-    RestPhase,
-    SunByTime,
-    WorldModel,
-)
+from elliptude.configuration.sensors import Accelerometer, AnyDirection, Direction, Magnetometer, Rate
+from elliptude.configuration.statements import RestPhase, SunByTime, WorldModel
 from elliptude.typing import FloatArray
 from elliptude.validation.recordings import gyro_errors, vector_errors
 from elliptude.validation.recordings.draw import Draw, own_stamps

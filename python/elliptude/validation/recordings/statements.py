@@ -12,18 +12,13 @@ from elliptude.bounds.windows import MotionBounds
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow, RigidBodyFlow
 from elliptude.configuration.rules import RestRule, Rule
-from elliptude.configuration.sensors import (
+from elliptude.configuration.sensors import Accelerometer, AnyDirection, Direction, Magnetometer, Rate, Velocity
+from elliptude.configuration.statements import (
     SUN_ERROR_DEG,
     AccelerationBound,
-    Accelerometer,
-    AnyDirection,
-    Direction,
     FieldBound,
-    Magnetometer,
-    Rate,
     RestPhase,
     SunByTime,
-    Velocity,
     VelocityWindowBound,
 )
 from elliptude.io.files import FileError

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from elliptude.configuration.sensors import ReferenceFrame, WorldModel
+from elliptude.configuration.sensors import ReferenceFrame
+from elliptude.configuration.statements import WorldModel
 from elliptude.io.files import FileError
 from elliptude.typing import FloatArray
 

@@ -1,0 +1,1 @@
+"""Whether sensors agree with one another, subject by subject."""
