@@ -50,6 +50,7 @@ namespace detail {
 template <typename Scalar, int N>
 struct SharedSum {
   static constexpr std::size_t max_terms = 64;
+  static constexpr int most_steps = 20;  ///< by volume
   using Shares = std::array<Scalar, max_terms>;
 
   const Ellipsoid<Scalar, N>* terms;
@@ -122,8 +123,9 @@ struct SharedSum {
 /// A small ellipsoid that contains the sum {Σ xᵢ : xᵢ in Eᵢ} of `count` ellipsoids: P = Σ Pᵢ/αᵢ with Σ αᵢ = 1. For the
 /// trace αᵢ ∝ √tr(W Pᵢ) is the best of this family (paper, eq. Pmkl). For the volume the best has αᵢ ∝ √tr(P⁻¹Pᵢ), the
 /// fixed point of an iteration in which the volume falls at every step (log det is concave, so its tangent majorises
-/// it). It ends when no share changes by more than 1e-4: log det P is then within 1e-6 of its least. Terms with a shape
-/// of zeros only move the center.
+/// it). It ends when no share changes by more than 1e-4: log det P is then within 1e-6 of its least. What the logarithms
+/// of shares change by halves at each step, so that it ends before its bound of steps unless rounding keeps it going.
+/// (theory, section 7.2) Terms with a shape of zeros only move the center.
 /// \return `out_of_range` for no terms or more than 64; the status of `validate` for a term or for the criterion; for
 /// the volume `not_positive_definite` if the sum is flat to rounding, for the weighted trace if a term is so in the
 /// metric W; `beyond_domain` if the sum overflows.
@@ -147,7 +149,7 @@ template <typename Scalar, int N>
   }
   Matrix<Scalar, N> shape = shared.shape();
   if (criterion.kind == SizeCriterion<Scalar, N>::Kind::volume) {
-    constexpr int most_steps = 200;
+    constexpr int most_steps = detail::SharedSum<Scalar, N>::most_steps;
     const Scalar least_change = scalar::constant<Scalar>(1e-4L);
     bool settled = false;
     for (int step = 0; step < most_steps && !settled; ++step) {

@@ -150,7 +150,7 @@ template <std::size_t Most, typename Scalar, int N>
   shape = shared_shape(terms, count, share.data(), total);
   Matrix<Scalar, N> factor;
   if (criterion.kind == SizeCriterion<Scalar, N>::Kind::volume) {
-    constexpr int most_steps = 200;
+    constexpr int most_steps = detail::SharedSum<Scalar, N>::most_steps;
     Truth<Scalar> settled = !usual;
     for (int step = 0; step < most_steps && !scalar::all(settled); ++step) {
       usual = usual && (settled || lanewise::cholesky(shape, factor));
