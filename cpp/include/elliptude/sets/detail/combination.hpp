@@ -312,7 +312,8 @@ template <typename Scalar, int N, typename Slack>
 /// The combination of least size. The logarithm of either criterion has positive curvature wherever it is stationary,
 /// so it is stationary once and best there (theory, section 7.4). Found by safeguarded Newton steps in log q from
 /// `start`; each iterate is a valid bound. It ends also where the start was the best, where the slope is rounding, as
-/// about the second set alone, and where the bracket is as narrow as √ε: beyond, rounding would choose the bound.
+/// about the second set alone, and where the bracket is as narrow as √ε: beyond, rounding would choose the bound. So it
+/// would beside weights with an N that is negative, but may be so by rounding: of these a few are tried.
 /// \return `empty_intersection` with N < 0 and A ≻ 0 as proof; `not_converged` if no bound was found (A never ≻ 0).
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Status least_combination(const Problem<Scalar, N, Slack>& problem,
@@ -320,17 +321,23 @@ template <typename Scalar, int N, typename Slack>
                                                              Found<Scalar, N>& found) noexcept {
   const Scalar longest(4);
   constexpr int most_steps = 60;
+  constexpr int most_refused = 5;
   Scalar low(-std::numeric_limits<scalar::Value<Scalar>>::infinity());
   Scalar high(std::numeric_limits<scalar::Value<Scalar>>::infinity());
   Scalar log_q(0);  // less that of the start, which so needs neither a logarithm nor an exponential
   bool bounded = false;
+  int refused = 0;  // weights with an N that says nothing
   bool is_last = false;
   bool first_set_tried = false;
   Combination<Scalar, N> trial;
   for (int step = 0; step < most_steps; ++step) {
     const Scalar q = step == 0 ? start : Scalar(start * scalar::exp(log_q));
     Scalar move = longest;
-    if (problem.combine(q, trial) != Status::ok || (trial.level < Scalar(0) && !(q > problem.least_weight()))) {
+    const bool is_definite = problem.combine(q, trial) == Status::ok;
+    if (!is_definite || (trial.level < Scalar(0) && !(q > problem.least_weight()))) {
+      if (is_definite && bounded && ++refused == most_refused) {
+        return Status::ok;
+      }
       low = log_q;
     } else {
       if (trial.level < Scalar(0)) {
