@@ -179,22 +179,27 @@ TEST_CASE("whether sets of any aspect meet is found in float as soon as in doubl
   CHECK(most_float < 15000);
 }
 
-TEST_CASE("sets in float that touch or are apart end the search where rounding begins") {
+TEST_CASE("sets in float that are apart end the search where rounding begins") {
   using Scalar = Counted<float>;
   Random random(17);
-  long most = 0;
+  int dear = 0;
   for (int k = 0; k < 4000; ++k) {
-    const Matrix6<double> a = random.positive_definite<6>(random.log_uniform(1, 1e7));
-    const Matrix6<double> b = random.log_uniform(1e-2, 1e2) * random.positive_definite<6>(random.log_uniform(1, 1e7));
-    const Vector6<double> of_a = Matrix6<double>(a.llt().matrixL()) * random.unit_vector<6>();
-    const Vector6<double> of_b = Matrix6<double>(b.llt().matrixL()) * random.unit_vector<6>();
-    const double apart = random.log_uniform(0.5, 20);
+    // Both are thin along the same axes.
+    const Matrix6<double> axes = random.orthogonal<6>();
+    Vector6<double> widths;
+    for (double& width : widths) {
+      width = random.log_uniform(3e-4, 1);
+    }
+    const Matrix6<double> root_a = axes * widths.asDiagonal();
+    const Matrix6<double> root_b = axes * random.positive_definite<6>(10) * widths.asDiagonal();
+    const double size = random.log_uniform(0.1, 10);
+    const Vector6<double> center = random.log_uniform(0.1, 1e4) * root_a * random.unit_vector<6>();
+    const auto first = set_of<Scalar>(Vector6<double>::Zero(), Matrix6<double>(root_a * root_a.transpose()));
+    const auto second = set_of<Scalar>(center, Matrix6<double>(size * size * root_b * root_b.transpose()));
     Intersection<Scalar, 6> result;
     operations = 0;
-    static_cast<void>(minimal_intersection(set_of<Scalar>(Vector6<double>::Zero(), a),
-                                           set_of<Scalar>(apart * (of_a - of_b), b), SizeCriterion<Scalar, 6>::volume(),
-                                           result));
-    most = std::max(most, operations);
+    static_cast<void>(minimal_intersection(first, second, SizeCriterion<Scalar, 6>::volume(), result));
+    dear += operations > 25000;
   }
-  CHECK(most < 28000);  // 26438, and 30123 if each weight that says nothing is followed by another
+  CHECK(dear < 100);  // about 17 with three compilers' roundings; 430 to 490 without an end at the fifth weight
 }
