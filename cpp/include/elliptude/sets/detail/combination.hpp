@@ -290,6 +290,19 @@ template <typename Scalar>
   return scalar::abs(move) <= tolerance && scalar::abs(Scalar(slope * move)) <= tolerance;
 }
 
+/// Where a search for the best log q has still to look.
+template <typename Scalar>
+struct Bracket {
+  Scalar low{-std::numeric_limits<scalar::Value<Scalar>>::infinity()};
+  Scalar high{std::numeric_limits<scalar::Value<Scalar>>::infinity()};
+
+  [[nodiscard]] bool is_narrow() const noexcept { return high - low <= rounding::root<Scalar>(); }
+  /// This log q, or the middle if it is not inside.
+  [[nodiscard]] Scalar inside(const Scalar& log_q) const noexcept {
+    return log_q > low && log_q < high ? log_q : Scalar(scalar::constant<Scalar>(0.5L) * (low + high));
+  }
+};
+
 /// Whether the first set alone, q = 0, is the best: it is bounded and the size grows from there. It is then what was
 /// found.
 /// \param trial room to work in.
@@ -309,6 +322,16 @@ template <typename Scalar, int N, typename Slack>
   return false;
 }
 
+/// The combination at one q is what was found, if it is a bound.
+/// \param trial room to work in.
+template <typename Scalar, int N, typename Slack>
+void take_bound(const Problem<Scalar, N, Slack>& problem, const Scalar& q, Combination<Scalar, N>& trial,
+                Found<Scalar, N>& found) noexcept {
+  if (problem.combine(q, trial) == Status::ok && trial.level > Scalar(0)) {
+    found.take(trial, Scalar(q / (Scalar(1) + q)));
+  }
+}
+
 /// The combination of least size. The logarithm of either criterion has positive curvature wherever it is stationary,
 /// so it is stationary once and best there (theory, section 7.4). Found by safeguarded Newton steps in log q from
 /// `start`; each iterate is a valid bound. It ends also where the start was the best, where the slope is rounding, as
@@ -322,8 +345,7 @@ template <typename Scalar, int N, typename Slack>
   const Scalar longest(4);
   constexpr int most_steps = 60;
   constexpr int most_refused = 5;
-  Scalar low(-std::numeric_limits<scalar::Value<Scalar>>::infinity());
-  Scalar high(std::numeric_limits<scalar::Value<Scalar>>::infinity());
+  Bracket<Scalar> bracket;
   Scalar log_q(0);  // less that of the start, which so needs neither a logarithm nor an exponential
   bool bounded = false;
   int refused = 0;  // weights with an N that says nothing
@@ -338,7 +360,7 @@ template <typename Scalar, int N, typename Slack>
       if (is_definite && bounded && ++refused == most_refused) {
         return Status::ok;
       }
-      low = log_q;
+      bracket.low = log_q;
     } else {
       if (trial.level < Scalar(0)) {
         return Status::empty_intersection;
@@ -349,9 +371,9 @@ template <typename Scalar, int N, typename Slack>
         return Status::ok;
       }
       const auto [slope, curvature] = size.derivatives_in_log(trial, q);
-      (slope > Scalar(0) ? high : low) = log_q;
-      move = scalar::isfinite(high) ? newton_move(slope, curvature, longest)
-                                    : newton_move_upward(slope, curvature, longest);
+      (slope > Scalar(0) ? bracket.high : bracket.low) = log_q;
+      move = scalar::isfinite(bracket.high) ? newton_move(slope, curvature, longest)
+                                            : newton_move_upward(slope, curvature, longest);
       if (scalar::abs(slope) <= rounding::share<Scalar>(rounding::slope * N) ||
           scalar::abs(move) <= rounding::root<Scalar>()) {
         return Status::ok;
@@ -364,23 +386,15 @@ template <typename Scalar, int N, typename Slack>
         }
       }
     }
-    Scalar next = log_q + move;
-    if (!(next > low && next < high)) {
-      next = scalar::constant<Scalar>(0.5L) * (low + high);
-    }
-    log_q = next;
-    if (bounded && (is_last || high - low <= rounding::root<Scalar>())) {
+    log_q = bracket.inside(Scalar(log_q + move));
+    if (bounded && (is_last || bracket.is_narrow())) {
       break;
     }
   }
-  if (!bounded) {
-    return Status::not_converged;
+  if (bounded) {
+    take_bound(problem, Scalar(start * scalar::exp(log_q)), trial, found);
   }
-  const Scalar q = start * scalar::exp(log_q);
-  if (problem.combine(q, trial) == Status::ok && trial.level > Scalar(0)) {
-    found.take(trial, Scalar(q / (Scalar(1) + q)));
-  }
-  return Status::ok;
+  return bounded ? Status::ok : Status::not_converged;
 }
 
 /// The ellipsoid {N A⁻¹} of a combination, where x = origin + factor u. `origin` may be its center.
