@@ -10,8 +10,10 @@ AccelerationUnit: TypeAlias = Literal["m/s^2", "g", "mg"]
 FieldUnit: TypeAlias = Literal["T", "mT", "G", "mG", "uT", "nT"]
 MagnetometerUnit: TypeAlias = Literal[FieldUnit, "normalized"]
 """Normalized: 1 is the strength of a field, which ``unit_ut`` of the sensor states (docs/theory.md, section 18.1)."""
-WEAKEST_FIELD_UT = 20.0
-"""µT; the Earth's field is nowhere on its surface weaker."""
+WEAKEST_FIELD_UT, STRONGEST_FIELD_UT = 20.0, 70.0
+"""µT; the Earth's field is nowhere on its surface weaker, and nowhere stronger."""
+WEAKEST_BESIDE_UT, STRONGEST_BESIDE_UT = 5.0, 500.0
+"""µT; with steel and magnets within reach it is hardly ever weaker, or stronger."""
 
 STANDARD_GRAVITY = 9.80665
 """m/s², the unit g; gravity itself is 9.764 to 9.834 m/s² over the Earth's surface."""

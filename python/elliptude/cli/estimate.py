@@ -283,7 +283,7 @@ def _estimate_pieces(
             for name in (SUMMARY, MEASURED, _DROPPED):
                 (out / name).unlink(missing_ok=True)
     except ValueError as error:  # also sets that do not meet
-        raise FileError(f"{log}: {error}") from error
+        raise FileError(f"{log}: {heard.after(str(error))}") from error
     if estimator.guaranteed is not None:
         dropped = guaranteed_result.dropped_columns(estimator.guaranteed)
         write_columns(out / _DROPPED, "dropped", dropped, estimator.guaranteed.log.counts_from)
