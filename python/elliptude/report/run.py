@@ -183,6 +183,8 @@ class Run:
     """Lines about smoothing, and what it gained; empty without."""
     implausible: tuple[str, ...] = ()
     """Contradictions between log and configuration that were ignored."""
+    suspicious: tuple[str, ...] = ()
+    """What may be wrong with the log or with what is stated."""
     bounds_from_recording: str | None = None
     """The recording that the bounds are proposals from; None if they have reasons."""
     up_at_rest: str | None = None
@@ -476,6 +478,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         gaps=summary.gaps,
         smoothing=summary.smoothing,
         implausible=summary.implausible,
+        suspicious=summary.suspicious,
         bounds_from_recording=summary.bounds_from_recording,
         up_at_rest=summary.up_at_rest,
         best=summary.best,
@@ -542,6 +545,7 @@ class _Summary(NamedTuple):
     heading_from_start: bool = False
     gaps: tuple[str, ...] = ()
     implausible: tuple[str, ...] = ()
+    suspicious: tuple[str, ...] = ()
     bounds_from_recording: str | None = None
     up_at_rest: str | None = None
     best: str | None = None
@@ -567,15 +571,16 @@ def _read_summary(path: Path) -> _Summary:
     label, title, error, void = (read.get(name) for name in ("compared_with", "title", "truth_error_deg", "void"))
     gaps, smoothing = (_said(read.get(name)) for name in ("gaps", "smoothing"))
     best, frame = read.get("best"), read.get("reference_frame")
-    implausible, up, recording = (read.get(name) for name in ("implausible", "up_at_rest", "bounds_from_recording"))
+    up, recording = read.get("up_at_rest"), read.get("bounds_from_recording")
     return _Summary(
         label if isinstance(label, str) else "truth",
         title if isinstance(title, str) else None,
         float(error) if isinstance(error, int | float) else 0.0,
-        tuple(str(name) for name in void) if isinstance(void, list) else (),
+        _lines(void),
         read.get("heading") == "from the first row",
         gaps,
-        tuple(str(one) for one in implausible) if isinstance(implausible, list) else (),
+        _lines(read.get("implausible")),
+        _lines(read.get("suspicious_statements")),
         recording if isinstance(recording, str) else None,
         str(up["in_words"]) if isinstance(up, dict) and "in_words" in up else None,
         str(best["in_words"]) if isinstance(best, dict) and "in_words" in best else None,
@@ -586,8 +591,12 @@ def _read_summary(path: Path) -> _Summary:
 
 def _said(part: Any) -> tuple[str, ...]:
     """The lines of a part of a summary."""
-    said = part.get("said") if isinstance(part, dict) else None
-    return tuple(str(line) for line in said) if isinstance(said, list) else ()
+    return _lines(part.get("said") if isinstance(part, dict) else None)
+
+
+def _lines(part: Any) -> tuple[str, ...]:
+    """A list of texts; empty if it is none."""
+    return tuple(map(str, part)) if isinstance(part, list) else ()
 
 
 def _read_dropped(path: Path) -> DroppedMeasurements:

@@ -224,6 +224,15 @@ def test_a_reference_in_another_unit(tmp_path, factor, back, bounds, unit):
     assert (unit == "uT") != ('in uT: write unit = "uT"' in output)
 
 
+def test_what_is_suspicious_is_in_the_report(tmp_path):
+    log, page = written(tmp_path, arrays({"acc": 1 / GRAVITY})), tmp_path / "report.html"
+    out = ("--out", tmp_path / "out", "--report", page)
+    code, output = run("estimate", log, "--config", stated(tmp_path, "angle"), *out)
+    assert code == 0, output
+    text = page.read_text(encoding="utf-8")
+    assert '<th scope="row">suspicious</th><td><span class="warn">up: its median norm is 1 m/s^2' in text
+
+
 def test_gravity_in_g(tmp_path):
     said = "up: gravity_m_per_s2 = 1 is not that of the Earth, 9.7 to 9.9 m/s²; as a number in g it would be: write "
     log = written(tmp_path, arrays())
