@@ -38,8 +38,8 @@ from elliptude.logs import plausibility
 from elliptude.logs.repair import Survey
 from elliptude.logs.repaired import Repaired
 from elliptude.report.estimated.measured import Measured
+from elliptude.report.estimated.reading import read_run
 from elliptude.report.estimated.stored import MEASURED
-from elliptude.report.run import read_run
 from elliptude.report.thinning import Thinned
 from elliptude.results import IF_PROPOSED_BOUNDS_HOLD
 from elliptude.smoothing.smoother import smoothed_answers, smoothed_run

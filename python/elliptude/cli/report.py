@@ -27,7 +27,8 @@ from elliptude.configuration.configuration import read_configuration
 from elliptude.estimation.sizes_in_words import LARGEST_ANGLE, mean_and_most
 from elliptude.io.spool import recording
 from elliptude.report import comparison
-from elliptude.report.run import Run, files_of_run, read_run
+from elliptude.report.estimated.reading import files_of_run, read_run
+from elliptude.report.run import Run
 
 Results: TypeAlias = Annotated[
     Path, typer.Argument(help="The folder or the table of results that `estimate` wrote.", show_default=False)

@@ -14,7 +14,8 @@ from elliptude.configuration.configuration import read_configuration
 from elliptude.io.files import FileError, replacing
 from elliptude.io.spool import recording
 from elliptude.report.comparison import run_against
-from elliptude.report.run import Run, read_run
+from elliptude.report.estimated.reading import read_run
+from elliptude.report.run import Run
 from elliptude.view.curves import PIECES, send_curves
 from elliptude.view.directions import MeasuredDirections, measured_directions
 from elliptude.view.globe import send_globe

@@ -17,7 +17,7 @@ from elliptude.configuration.rules import apply_rule, hand_held
 from elliptude.estimation import gaps
 from elliptude.logs import Log
 from elliptude.proposal import proposals
-from elliptude.report.run import read_run
+from elliptude.report.estimated.reading import read_run
 from reference import so3
 from scipy.spatial.transform import Rotation
 from test_guaranteed_run import configured, gyro_log, run, so3_unit

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 from elliptude import cli, view
-from elliptude.report.run import read_run
+from elliptude.report.estimated.reading import read_run
 from scipy.spatial.transform import Rotation
 from test_run_figures import angled, full_run
 from test_runs import make_run
