@@ -33,7 +33,6 @@ from elliptude.logs import body_at_rest, plausibility
 from elliptude.logs import log as logs
 from elliptude.logs.repair import Survey
 from elliptude.proposal import mapping, proposals
-from elliptude.proposal.document import Once
 from elliptude.proposal.known_formats import AtRest
 from elliptude.proposal.mapping import Tables, presets
 from elliptude.proposal.proposals import Proposal, Recording
@@ -48,14 +47,9 @@ from elliptude.proposal.proposed_rule import (
     statements_of,
     what_it_says,
 )
-from elliptude.proposal.starting_configuration import (
-    MARGIN,
-    UP_ALONE,
-    Mode,
-    is_up_alone,
-    starting_configuration,
-    why_no_rule,
-)
+from elliptude.proposal.starting.by_sensor import is_up_alone
+from elliptude.proposal.starting.configuration import MARGIN, UP_ALONE, Mode, starting_configuration, why_no_rule
+from elliptude.proposal.starting.document import Once
 from elliptude.proposal.summary import lines_of, remarks_on, summarize
 
 _NO_RULE_IN_FREE_FALL = (

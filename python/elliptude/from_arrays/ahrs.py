@@ -28,7 +28,7 @@ from elliptude.logs import log as logs
 from elliptude.logs.plausibility import Heard, ImplausibleError, plausible_pieces, suspected
 from elliptude.proposal import mapping, proposals
 from elliptude.proposal.mapping import Tables
-from elliptude.proposal.starting_configuration import (
+from elliptude.proposal.starting.configuration import (
     MARGIN,
     UP_ALONE,
     ruled_configuration,
