@@ -1,7 +1,7 @@
 """An interactive report of a run in one HTML file, which needs no network: Plotly's program is inside.
 
 Curves are drawn at chosen rows (`elliptude.report.thinning.chosen_rows`), the sphere at up to
-`elliptude.report.sphere.FRAMES` times; the numbers in the summary are of all rows.
+`elliptude.report.axes.sphere.FRAMES` times; the numbers in the summary are of all rows.
 """
 
 import json
@@ -18,12 +18,12 @@ import elliptude
 from elliptude.bounds.angles.about_axes import ErrorAxes
 from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT, UP, half_width, tilt_beyond_set
 from elliptude.io.files import FileError, replacing
+from elliptude.report.axes.sphere import frame_rows, sphere_frames, sphere_plot
 from elliptude.report.curves import AMBER, GREY, PIECES, plots_over_time
 from elliptude.report.estimated.curves import measured_plot
 from elliptude.report.figures import BLUE
 from elliptude.report.run import SPELL_GAP, DroppedMeasurements, Run, Spell
 from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, claim_label
-from elliptude.report.sphere import frame_rows, sphere_frames, sphere_plot
 from elliptude.report.thinning import chosen_rows, pieces
 from elliptude.results import CLAIMS, IF_PROPOSED_BOUNDS_HOLD
 from elliptude.typing import FloatArray

@@ -16,7 +16,7 @@ from elliptude.io.tables import (
     attitudes_from_quaternions,
 )
 from elliptude.logs.reference_attitudes import Reference, attitudes_at
-from elliptude.report.body_axes import turns
+from elliptude.report.axes.body_axes import turns
 from elliptude.report.estimated.stored import MeasuredSensor
 from elliptude.results import CLAIMS, Claim
 from elliptude.typing import Chart, FloatArray

@@ -9,7 +9,7 @@ from elliptude.io import column_files, tables
 from elliptude.io.files import FileError
 from elliptude.logs.reference_attitudes import Reference
 from elliptude.report import thinning
-from elliptude.report.body_axes import axis_outlines
+from elliptude.report.axes.body_axes import axis_outlines
 from elliptude.report.estimated.reading import read_run
 from elliptude.report.run import Refusal, Run
 from elliptude.results import CLAIMS
