@@ -142,7 +142,7 @@ def ruled_with_velocity(**more):
 
 WEAKENED = {
     "a matrix that undoes itself": (
-        lambda m: smaller(m, gyro_bounds, "_largest_stretch", 0.5),
+        lambda m: smaller(m, gyro_bounds, "largest_stretch", 0.5),
         lambda: configured({"scale_error": 0.05, "anchor_s": 1.0}, *STARS),
     ),
     "a matrix about a window": (
