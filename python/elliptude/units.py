@@ -1,6 +1,7 @@
 """Units that a configuration may state: the size of each in SI units, and how people write it."""
 
 import math
+from collections.abc import Callable
 from typing import Literal, TypeAlias
 
 TimeUnit: TypeAlias = Literal["s", "ms", "0.1ms", "us", "ns"]
@@ -35,6 +36,17 @@ SPELLINGS: dict[str, str] = {
     **dict.fromkeys(("mgauss", "mGauss", "milligauss"), "mG"),
 }
 """How headers of files spell some of these units."""
+
+
+SELDOM_S, OFTEN_S = 0.9, 1e-5
+"""s; few gyros are read so seldom, unless it is on a spacecraft, and no sensor is read so often."""
+
+
+def other_time_unit(stated: TimeUnit, fits: Callable[[float], bool]) -> TimeUnit | None:
+    """The largest other unit of time for which it fits what the stated one is multiplied by to be it."""
+    others: tuple[TimeUnit, ...] = ("s", "ms", "us", "ns")
+    ticks = TICKS_PER_SECOND
+    return next((unit for unit in others if unit != stated and fits(ticks[stated] / ticks[unit])), None)
 
 
 def unit_of(spelled: str) -> str:

@@ -274,6 +274,16 @@ def test_steps_that_somebody_states_are_not_odd(tmp_path):
     assert "its samples are 5 s apart" in run("check", log, config)[1]
 
 
+def test_nanoseconds_as_seconds(tmp_path):
+    """Such a time is refused where it is read."""
+    log = written(tmp_path, arrays({"t": 1e10}))
+    said = 'is its unit right? The steps are 5e+07 s (median); they would be in ns: write time_unit = "ns"'
+    assert said in run("bounds", log, *named())[1]
+    for bounds in ("rule", "angle"):
+        assert said in run("check", log, stated(tmp_path, bounds))[1]
+        assert said in run("estimate", log, "--config", stated(tmp_path, bounds), "--out", tmp_path / "out")[1]
+
+
 def test_a_spacecraft_is_read_once_in_a_second():
     """Beside no accelerometer, that is; and nothing is read once in a microsecond."""
     folder = resources.files("elliptude") / "data" / "fermi"

@@ -54,9 +54,7 @@ def in_the_unit(fitting: Sequence[str], what_to_write: str = "") -> str:
 def unit_of_time(configuration: Configuration, fits: Callable[[float], bool]) -> units.TimeUnit | None:
     """The unit of time that would make stamps fit, by the factor that it makes of the stated one; the largest such."""
     stated = getattr(configuration.flow, "time_unit", None) or configuration.time_unit
-    ticks = units.TICKS_PER_SECOND
-    others: tuple[units.TimeUnit, ...] = ("s", "ms", "us", "ns")
-    return next((unit for unit in others if unit != stated and fits(ticks[stated] / ticks[unit])), None)
+    return units.other_time_unit(stated, fits)
 
 
 def like(factor: float, configuration: Configuration) -> str:

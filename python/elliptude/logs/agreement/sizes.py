@@ -17,6 +17,7 @@ from elliptude.logs.agreement.fields import voids_statements
 from elliptude.logs.agreement.findings import Finding, Severity, in_the_unit, unit_of_time, write
 from elliptude.logs.log import Log
 from elliptude.typing import FloatArray
+from elliptude.units import OFTEN_S, SELDOM_S
 
 # Shares of gravity: of a sensor that shows it, the median norm is within them.
 _LEAST_OF_GRAVITY, _MOST_OF_GRAVITY = 0.5, 2.0
@@ -27,8 +28,6 @@ _LEAST_FIELD, _MOST_FIELD = _MICROTESLA * units.WEAKEST_FIELD_UT, _MICROTESLA * 
 _LEAST_OF_UNIT, _MOST_OF_UNIT = 0.28, 3.5
 # rad/s; the full range of common gyros.
 _FULL_RANGE = 2000.0 * np.pi / 180.0
-# s; no gyro in a hand, on a person, a drone, a car or a boat is read so seldom, and none anywhere so often.
-SELDOM_S, _OFTEN_S = 0.9, 1e-5
 # Units of acceleration that cannot be stated.
 _OTHER_ACCELERATIONS = {"mm/s^2": 1e-3}
 
@@ -106,11 +105,11 @@ def odd_step(steps: FloatArray, configuration: Configuration) -> str:
     step = float(np.median(steps))
     # An accelerometer that shows up is no spacecraft's.
     seldom = step >= SELDOM_S and configuration.accelerometer is not None and not _covers(configuration, step)
-    if not seldom and step >= _OFTEN_S:
+    if not seldom and step >= OFTEN_S:
         return ""
-    limit = f"more than {SELDOM_S:g}" if seldom else f"less than {_OFTEN_S:g}"
+    limit = f"more than {SELDOM_S:g}" if seldom else f"less than {OFTEN_S:g}"
     how = f"{limit} s: {'few are read so seldom' if seldom else 'none is read so often'}"
-    meant = unit_of_time(configuration, lambda factor: _OFTEN_S <= factor * step < SELDOM_S)
+    meant = unit_of_time(configuration, lambda factor: OFTEN_S <= factor * step < SELDOM_S)
     in_other = in_the_unit([meant], write("time_unit", meant)) if meant else ""
     return f"its samples are {step:.3g} s apart (median), {how}{in_other}"
 
