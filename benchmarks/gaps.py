@@ -22,7 +22,7 @@ from elliptude import estimation, logs
 from elliptude.configuration import Configuration
 from elliptude.estimation import Estimation
 from elliptude.proposal import mapping, proposals
-from elliptude.proposal.starting_configuration import starting_configuration
+from elliptude.proposal.starting.configuration import starting_configuration
 from elliptude.typing import FloatArray
 from scipy.spatial.transform import Rotation
 

@@ -1,6 +1,7 @@
 """Units that a configuration may state: the size of each in SI units, and how people write it."""
 
 import math
+from collections.abc import Callable
 from typing import Literal, TypeAlias
 
 TimeUnit: TypeAlias = Literal["s", "ms", "0.1ms", "us", "ns"]
@@ -10,8 +11,10 @@ AccelerationUnit: TypeAlias = Literal["m/s^2", "g", "mg"]
 FieldUnit: TypeAlias = Literal["T", "mT", "G", "mG", "uT", "nT"]
 MagnetometerUnit: TypeAlias = Literal[FieldUnit, "normalized"]
 """Normalized: 1 is the strength of a field, which ``unit_ut`` of the sensor states (docs/theory.md, section 18.1)."""
-WEAKEST_FIELD_UT = 20.0
-"""µT; the Earth's field is nowhere on its surface weaker."""
+WEAKEST_FIELD_UT, STRONGEST_FIELD_UT = 20.0, 70.0
+"""µT; the Earth's field is nowhere on its surface weaker, and nowhere stronger."""
+WEAKEST_BESIDE_UT, STRONGEST_BESIDE_UT = 5.0, 500.0
+"""µT; with steel and magnets within reach it is hardly ever weaker, or stronger."""
 
 STANDARD_GRAVITY = 9.80665
 """m/s², the unit g; gravity itself is 9.764 to 9.834 m/s² over the Earth's surface."""
@@ -33,6 +36,17 @@ SPELLINGS: dict[str, str] = {
     **dict.fromkeys(("mgauss", "mGauss", "milligauss"), "mG"),
 }
 """How headers of files spell some of these units."""
+
+
+SELDOM_S, OFTEN_S = 0.9, 1e-5
+"""s; few gyros are read so seldom, unless it is on a spacecraft, and no sensor is read so often."""
+
+
+def other_time_unit(stated: TimeUnit, fits: Callable[[float], bool]) -> TimeUnit | None:
+    """The largest other unit of time for which it fits what the stated one is multiplied by to be it."""
+    others: tuple[TimeUnit, ...] = ("s", "ms", "us", "ns")
+    ticks = TICKS_PER_SECOND
+    return next((unit for unit in others if unit != stated and fits(ticks[stated] / ticks[unit])), None)
 
 
 def unit_of(spelled: str) -> str:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from elliptude.bounds.gyro import GyroBounds, chord_errors
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.matrix_effects import chord_errors
 from elliptude.bounds.turns import attitudes_from_rates, coning_angles, running_integral
 from elliptude.calibration.parameter_sets import ParameterSet, covering_directions
 from elliptude.calibration.vector_sensors import ContradictionError

@@ -9,24 +9,21 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-import numpy as np
 import tomlkit
 import typer
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude import units
+from elliptude.cli.columns import in_options, state_field, stated_reading, tables_of
 from elliptude.cli.columns import in_words as columns_in_words
-from elliptude.cli.columns import state_field, stated_reading, tables_of
 from elliptude.cli.options import LOG_HELP, Force, Repair, quantity
 from elliptude.cli.outputs import CONFIGURATION, print_table, require_outputs
 from elliptude.cli.progress import steps
 from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.rules import Carried
-from elliptude.configuration.sensors import Magnetometer
-from elliptude.io.files import FileError, replacing
+from elliptude.io.files import FileError, replacing, sentence
 from elliptude.io.readers.open import open_log
 from elliptude.io.readers.text.dialect import Decimal, Delimiter, Stated
 from elliptude.io.spool import NamedFile
@@ -34,14 +31,13 @@ from elliptude.io.spool import recording as recording_of
 from elliptude.io.toml import validate
 from elliptude.logs import body_at_rest, plausibility
 from elliptude.logs import log as logs
-from elliptude.logs.agreement.fields import field_in_another_unit
 from elliptude.logs.repair import Survey
 from elliptude.proposal import mapping, proposals
-from elliptude.proposal.document import Once
 from elliptude.proposal.known_formats import AtRest
 from elliptude.proposal.mapping import Tables, presets
 from elliptude.proposal.proposals import Proposal, Recording
 from elliptude.proposal.proposed_rule import (
+    RuleTables,
     between_samples,
     in_words,
     numbers_of,
@@ -51,16 +47,10 @@ from elliptude.proposal.proposed_rule import (
     statements_of,
     what_it_says,
 )
-from elliptude.proposal.starting_configuration import (
-    MARGIN,
-    UP_ALONE,
-    Mode,
-    is_up_alone,
-    starting_configuration,
-    why_no_rule,
-)
+from elliptude.proposal.starting.by_sensor import is_up_alone
+from elliptude.proposal.starting.configuration import MARGIN, UP_ALONE, Mode, starting_configuration, why_no_rule
+from elliptude.proposal.starting.document import Once
 from elliptude.proposal.summary import lines_of, remarks_on, summarize
-from elliptude.units import STANDARD_GRAVITY
 
 _NO_RULE_IN_FREE_FALL = (
     "there is no rule for a spacecraft: in free fall an accelerometer does not show up, and every rule begins with up. "
@@ -73,8 +63,6 @@ _NOTE = (
 )
 
 _DELIMITERS: dict[str, Delimiter] = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " ", "bar": "|"}
-# Units in which an accelerometer may be, those that can be stated and others.
-_ACCELERATIONS: dict[str, float] = dict(units.ACCELERATION) | {"mm/s²": 1e-3}
 _DECIMALS: dict[str, Decimal] = {"point": ".", "comma": ","}
 _INDENT = 6 * " "
 
@@ -199,11 +187,8 @@ def bounds(
         raise typer.BadParameter(_NO_RULE_IN_FREE_FALL, param_hint="--carried")
     _require_outputs(out, rule, force=force, read=[log, config])
     source = recording_of(log)
-    named = {
-        "gyroscope": (gyro, gyro_unit),
-        "accelerometer": (accelerometer, accelerometer_unit),
-        "magnetometer": (magnetometer, magnetometer_unit),
-    }
+    named = {"gyroscope": (gyro, gyro_unit), "accelerometer": (accelerometer, accelerometer_unit)}
+    named["magnetometer"] = magnetometer, magnetometer_unit
     stated = _stated(delimiter, decimal, packet_rate_hz, row_rate_hz)
     tables, stated_in = tables_of(source, config, like, time, time_unit, named, truth, stated, at_rest)
     state_field(tables, field_ut, config)
@@ -216,12 +201,14 @@ def bounds(
     carried = configuration.carried or "hand"
     mode = _mode(mode, tables)
     with steps(Console(stderr=True), 4 if configuration.timing.repair else 3) as step:
-        refuse = out is not None or rule is not None
-        repaired, recording, origin, heard = _recorded(source, configuration, step, refuse=refuse, reference=reference)
+        repaired, recording, origin = _recorded(source, configuration, step, reference=reference)
         step("Proposing")
-        with _naming(source):
+        said = str if config is not None else in_options
+        with _naming(source, configuration, said):
             proposed = proposals.propose(recording)
-            if out is not None:
+        document, starting = None, None
+        with suppress(*[FileError] if out is None else []):  # what is not written need not be there
+            with _naming(source, configuration, said):
                 document = starting_configuration(
                     tables,
                     proposed,
@@ -233,16 +220,15 @@ def bounds(
                     shared_forces=recording.shared_forces,
                     carried=carried,
                 )
-        if out is not None:
-            validate(stated_in, document.unwrap(), Configuration)
+            starting = validate(stated_in, document.unwrap(), Configuration)
+        step("Looking at the sensors")
+        heard = _look(source, configuration, starting, tables, said, refuse=out is not None or rule is not None)
+        if out is not None and document is not None:
             _write(out, document)
         if rule is not None:
             _write(rule, rule_document(proposed, margin, source.name, carried))
         ruled = rule_tables(proposed, margin, carried=carried, own_rest=own_rest_of(tables))
-        found = suspicions.of_rule(numbers_of(ruled), stated="proposed", carried=carried)
-        lasted = float(recording.times[-1] - recording.times[0])
-        found += suspicions.of_duration(numbers_of(ruled)["gyro"], lasted, carried)
-        suspicious = [*map(str, found), *heard.suspicious]
+        suspicious = [*_suspicious_in(ruled, recording, carried), *heard.suspicious]
         no_rule, says = None, list[str]()
         if mode == "guaranteed" and "rule" not in tables:
             no_rule = why_no_rule({"estimator": {"mode": mode}} | tables, ruled, proposed, recording.shared_stamps)
@@ -273,85 +259,69 @@ def _require_outputs(out: Path | None, rule: Path | None, *, force: bool, read: 
 
 
 def _recorded(
-    source: NamedFile, configuration: Configuration, step: Callable[[str], None], *, refuse: bool, reference: bool
-) -> tuple[Survey, Recording, int, plausibility.Heard]:
-    """What was repaired, the recording and its first time, and what contradicts itself in it."""
+    source: NamedFile, configuration: Configuration, step: Callable[[str], None], *, reference: bool
+) -> tuple[Survey, Recording, int]:
+    """What was repaired, the recording, and its first time."""
     repaired = Survey()
     if configuration.timing.repair:
         step("Looking for faults")
         repaired = logs.faults_of(source, configuration)
     step("Reading")
     recording, origin = mapping.read_recording(source, configuration)
-    step("Looking at the sensors")
-    _require_gravity(recording, configuration, source)
-    heard = _look(source, configuration, recording, refuse=refuse)
-    return repaired, recording if reference else dataclasses.replace(recording, attitudes=None), origin, heard
+    return repaired, recording if reference else dataclasses.replace(recording, attitudes=None), origin
 
 
-def _require_gravity(recording: Recording, configuration: Configuration, log: NamedFile) -> None:
-    """Refuse acceleration that is far from gravity: in another unit, or without it.
+def _look(
+    log: NamedFile,
+    configuration: Configuration,
+    starting: Configuration | None,
+    tables: Tables,
+    said: Callable[[str], str],
+    *,
+    refuse: bool,
+) -> plausibility.Heard:
+    """What contradicts between the log and what is proposed for it, as degrees declared as radians, or may.
 
-    Where a filter has subtracted its own idea of up, nothing measured is left.
+    Bounds are not written for a log whose turns these bounds rule out. What a sensor shows of gravity or of the field
+    is suspicious alone unless its bounds were stated. Where no bounds can be proposed, all that is found is suspicious.
     """
-    sensor = configuration.accelerometer
-    if sensor is None or recording.specific_forces is None:
-        return
-    lengths = np.linalg.norm(recording.specific_forces, axis=1)
-    median = float(np.nanmedian(lengths)) if np.isfinite(lengths).any() else STANDARD_GRAVITY
-    if _is_gravity(median):
-        return
-    number = median / units.ACCELERATION[sensor.unit]
-    fitting = [unit for unit, size in _ACCELERATIONS.items() if _is_gravity(number * size)]
-    unit = f"is its unit {' or '.join(fitting) or 'right'}?"
-    if fitting and fitting[0] not in units.ACCELERATION:
-        unit += f" Only {', '.join(units.ACCELERATION)} can be stated"
-    without = "without gravity (linear or user acceleration), or in free fall, it does not show which way is up. Or "
-    raise FileError(
-        f"{log}: the accelerometer shows {median:.3g} m/s², the median of its lengths, where one at rest shows "
-        f"{STANDARD_GRAVITY:g}: {without if median < STANDARD_GRAVITY else ''}{unit}"
-    )
-
-
-def _is_gravity(length: float) -> bool:
-    return 0.5 <= length / STANDARD_GRAVITY <= 2.0
-
-
-def _look(log: NamedFile, configuration: Configuration, recording: Recording, *, refuse: bool) -> plausibility.Heard:
-    """What contradicts between the log and its configuration, as degrees declared as radians, or may.
-
-    Bounds are not written for a log that `estimate` would refuse.
-    """
+    if starting is None:
+        return plausibility.Heard(suspicious=_suspected(log, configuration, said))
     heard = plausibility.Heard()
-    # No bound is stated yet that a field of any length would contradict.
-    of_field = _field_in_another_unit(recording, configuration)
-    if refuse:
-        next(plausibility.plausible_pieces(logs.read_pieces(log, configuration), configuration, str(log), heard), None)
-        heard.suspicious += of_field
-        return heard
-    ignoring = configuration.model_copy(update={"implausible": "ignore"})
+    regardless = starting.model_copy(update={"implausible": "ignore"})
     with suppress(FileError):  # a log that cannot be estimated may still show how large its errors are
-        next(plausibility.plausible_pieces(logs.read_pieces(log, ignoring), ignoring, str(log), heard), None)
-    heard.suspicious += of_field
-    return heard
+        next(plausibility.plausible_pieces(logs.read_pieces(log, regardless), regardless, str(log), heard), None)
+    bounded = mapping.with_own_bounds(tables)
+    proposed = [one for name, one in heard.of_units.items() if one in heard.ignored and name not in bounded]
+    ignored = [one for one in heard.ignored if one not in proposed]
+    if ignored and refuse and starting.implausible == "refuse":
+        raise FileError(said(str(plausibility.ImplausibleError(str(log), ignored, heard.beside(ignored)))))
+    return plausibility.Heard([*map(said, ignored)], suspicious=[*map(said, [*proposed, *heard.suspicious])])
 
 
-def _field_in_another_unit(recording: Recording, configuration: Configuration) -> list[str]:
-    """What is said of a magnetometer that would show the Earth's field in another unit than the stated one."""
-    sensor = next((one for one in configuration.directions if isinstance(one, Magnetometer)), None)
-    if sensor is None or recording.fields is None or not np.isfinite(recording.fields[:, 0]).any():
-        return []
-    strength = units.FIELD["uT"] * float(np.nanmedian(np.linalg.norm(recording.fields, axis=1)))
-    said = field_in_another_unit(strength, sensor)
-    return [f"{sensor.name}: {said}"] if said else []
+def _suspicious_in(ruled: RuleTables, recording: Recording, carried: Carried) -> list[str]:
+    """What is suspicious in a proposed rule, and of how long it is for."""
+    numbers, lasted = numbers_of(ruled), float(recording.times[-1] - recording.times[0])
+    found = suspicions.of_rule(numbers, stated="proposed", carried=carried)
+    return [*map(str, [*found, *suspicions.of_duration(numbers["gyro"], lasted, carried)])]
+
+
+def _suspected(log: NamedFile, configuration: Configuration, said: Callable[[str], str]) -> list[str]:
+    """What is suspicious in a log of which nothing is stated."""
+    with suppress(FileError):
+        return [*map(said, plausibility.suspected(logs.read_pieces(log, configuration), configuration))]
+    return []
 
 
 @contextmanager
-def _naming(log: NamedFile) -> Iterator[None]:
-    """What cannot be proposed is said of the log."""
+def _naming(log: NamedFile, configuration: Configuration, said: Callable[[str], str]) -> Iterator[None]:
+    """What cannot be proposed is said of the log, with what is suspicious in it."""
     try:
         yield
     except ValueError as error:
-        raise FileError(f"{log}: {error}") from error
+        suspected = _suspected(log, configuration, said)
+        beside = f"{sentence(str(error))} Suspicious: {'; '.join(suspected)}" if suspected else str(error)
+        raise FileError(f"{log}: {beside}") from error
 
 
 def _mode(mode: Mode | None, tables: Tables) -> Mode:

@@ -194,13 +194,15 @@ def calibrate(
     source = recording(log)
     with steps(Console(stderr=True), 2) as step:
         step("Reading")
-        pieces = plausibility.plausible_pieces(logs.read_pieces(source, configuration), configuration, str(source))
+        heard = plausibility.Heard()
+        read = logs.read_pieces(source, configuration)
+        pieces = plausibility.plausible_pieces(read, configuration, str(source), heard)
         samples = logs.joined(list(pieces))
         try:
             step("Calibrating")
             found = calibrating.calibrate(samples, configuration, known)
         except ValueError as error:
-            raise FileError(f"{source}: {error}") from error
+            raise FileError(f"{source}: {heard.after(str(error))}") from error
     calibration = Calibration(
         recording=source.name,
         recording_sha256=calibrating.sha256_of(Path(source)),

@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -172,3 +173,11 @@ def in_words(tables: Tables) -> list[str]:
     if "truth" in tables:
         lines.append(f"reference attitude: {', '.join(tables['truth']['attitude_columns'])}")
     return lines
+
+
+def in_options(said: str) -> str:
+    """What to write in a configuration, as what to say by an option of `bounds`."""
+    for name, option in (("up", "--accelerometer-unit"), ("field", "--magnetometer-unit")):
+        said = re.sub(rf'((?:^|[ ;:]){name}: [^"]*)write unit = "([^"]+)"', rf"\1say {option} \2", said)
+    said = re.sub(r'write flow\.unit = "([^"]+)"', r"say --gyro-unit \1", said)
+    return re.sub(r'write time_unit = "([^"]+)"', r"say --time-unit \1", said)

@@ -38,8 +38,8 @@ from elliptude.logs import plausibility
 from elliptude.logs.repair import Survey
 from elliptude.logs.repaired import Repaired
 from elliptude.report.estimated.measured import Measured
+from elliptude.report.estimated.reading import read_run
 from elliptude.report.estimated.stored import MEASURED
-from elliptude.report.run import read_run
 from elliptude.report.thinning import Thinned
 from elliptude.results import IF_PROPOSED_BOUNDS_HOLD
 from elliptude.smoothing.smoother import smoothed_answers, smoothed_run
@@ -283,7 +283,7 @@ def _estimate_pieces(
             for name in (SUMMARY, MEASURED, _DROPPED):
                 (out / name).unlink(missing_ok=True)
     except ValueError as error:  # also sets that do not meet
-        raise FileError(f"{log}: {error}") from error
+        raise FileError(f"{log}: {heard.after(str(error))}") from error
     if estimator.guaranteed is not None:
         dropped = guaranteed_result.dropped_columns(estimator.guaranteed)
         write_columns(out / _DROPPED, "dropped", dropped, estimator.guaranteed.log.counts_from)

@@ -27,7 +27,8 @@ from elliptude.configuration.configuration import read_configuration
 from elliptude.estimation.sizes_in_words import LARGEST_ANGLE, mean_and_most
 from elliptude.io.spool import recording
 from elliptude.report import comparison
-from elliptude.report.run import Run, files_of_run, read_run
+from elliptude.report.estimated.reading import files_of_run, read_run
+from elliptude.report.run import Run
 
 Results: TypeAlias = Annotated[
     Path, typer.Argument(help="The folder or the table of results that `estimate` wrote.", show_default=False)
@@ -191,12 +192,13 @@ def _title(run: Run, result: Path) -> str:
 def _write_pictures(run: Run, folder: Path, title: str, label: str) -> list[Path]:
     """The files that were written: roll, pitch and yaw, and measurements, only where the result has them."""
     from elliptude.report import figures, run_figures
+    from elliptude.report.axes.figure import axes_figure
     from elliptude.report.estimated import drawn as measured
 
     drawn = {
         "bands.png": run_figures.bands_figure(run, title, label=label),
         "size.png": run_figures.size_figure(run, title),
-        "axes.png": run_figures.axes_figure(run, title, label=label),
+        "axes.png": axes_figure(run, title, label=label),
     }
     if run.roll_pitch_yaw is not None:
         drawn = {"angles.png": run_figures.angles_figure(run, title, label=label)} | drawn

@@ -9,13 +9,24 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import HandHeldRule
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import Carried
-from elliptude.configuration.sensors import AnyDirection
+from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer
 from elliptude.configuration.statements import FieldBound, VelocityWindowBound
+from elliptude.typing import FloatArray
+from elliptude.units import (
+    FIELD,
+    STANDARD_GRAVITY,
+    STRONGEST_BESIDE_UT,
+    STRONGEST_FIELD_UT,
+    WEAKEST_BESIDE_UT,
+    WEAKEST_FIELD_UT,
+)
 
 
 @dataclass(frozen=True)
@@ -46,6 +57,11 @@ _USUAL: Mapping[tuple[str, str], _Usual] = {
     ("magnetometer", "error_ut"): _Usual(3.0, "is it calibrated?"),
     ("magnetometer", "averaged_error_ut"): _Usual(5.0, "is it calibrated?"),
 }
+# m/s²; gravity over the Earth's surface is 9.764 to 9.834.
+_LEAST_GRAVITY, _MOST_GRAVITY = 9.7, 9.9
+# What a reference field is multiplied by to be in µT: if it was stated in T, mT, G, mG or nT, or made of a field in T
+# whose number was one of µT.
+_TO_MICROTESLA = (*(size / FIELD["uT"] for size in FIELD.values()), 1e-6)
 _NEXT_TO_NOTHING_DEG = 90.0
 # s; the rules of the package are for recordings of up to ten minutes.
 _LONGEST_S = 600.0
@@ -98,15 +114,12 @@ def of_configuration(configuration: Configuration) -> list[Suspicion]:
     -------
     list of Suspicion
     """
-    rule = configuration.rule
+    rule, found = configuration.rule, of_units(configuration)
     if rule is not None:
         numbers = rule.rule()
-        return (
-            []
-            if isinstance(rule, HandHeldRule)
-            else of_rule(numbers.model_dump(mode="json"), carried=numbers.carried or "hand")
-        )
-    found: list[Suspicion] = []
+        if not isinstance(rule, HandHeldRule):
+            found += of_rule(numbers.model_dump(mode="json"), carried=numbers.carried or "hand")
+        return found
     flow, carried = configuration.flow, configuration.carried or "hand"
     if isinstance(flow, GyroFlow):
         # A number that is not stated is zero or has a meaning of its own, except the noise.
@@ -115,6 +128,54 @@ def of_configuration(configuration: Configuration) -> list[Suspicion]:
     for sensor in configuration.directions:
         found += _of_sensor(sensor, carried)
     return found
+
+
+def of_units(configuration: Configuration) -> list[Suspicion]:
+    """What is suspicious in a configuration since it would be as usual in another unit.
+
+    Parameters
+    ----------
+    configuration : Configuration
+
+    Returns
+    -------
+    list of Suspicion
+    """
+    found = []
+    for sensor in configuration.directions:
+        if isinstance(sensor, Accelerometer):
+            found += _of_gravity(sensor, configuration)
+        elif isinstance(sensor, Magnetometer) and sensor.reference_ut is not None:
+            found += _of_reference(sensor, np.asarray(sensor.reference_ut, dtype=np.float64))
+    return found
+
+
+def _of_gravity(sensor: Accelerometer, configuration: Configuration) -> list[Suspicion]:
+    rule = configuration.rule
+    gravity = sensor.gravity_m_per_s2 if rule is None else rule.rule().accelerometer.gravity_m_per_s2
+    if _LEAST_GRAVITY <= gravity <= _MOST_GRAVITY:
+        return []
+    key = "gravity_m_per_s2" if rule is None else "rule.accelerometer.gravity_m_per_s2"
+    said = f"{key} = {gravity:g} is not that of the Earth, {_LEAST_GRAVITY:g} to {_MOST_GRAVITY:g} m/s²"
+    in_g = f"; as a number in g it would be: write {key} = {gravity * STANDARD_GRAVITY:.5g}"
+    fits = _LEAST_GRAVITY <= gravity * STANDARD_GRAVITY <= _MOST_GRAVITY
+    return [Suspicion(sensor.name, f"{said}{in_g if fits else ''}")]
+
+
+def _of_reference(sensor: Magnetometer, field: FloatArray) -> list[Suspicion]:
+    strength = float(np.linalg.norm(field))
+    if WEAKEST_FIELD_UT <= strength <= STRONGEST_FIELD_UT:
+        return []
+    said = (
+        f"reference_ut is {strength:.4g} µT long, which is not the Earth's field ({WEAKEST_FIELD_UT:g} to "
+        f"{STRONGEST_FIELD_UT:g} µT)"
+    )
+    for factor in _TO_MICROTESLA:
+        if WEAKEST_FIELD_UT <= factor * strength <= STRONGEST_FIELD_UT:
+            meant = ", ".join(f"{factor * part:.4g}" for part in field)
+            return [Suspicion(sensor.name, f"{said}; times {factor:g} it would be: write reference_ut = [{meant}]")]
+    is_odd = not WEAKEST_BESIDE_UT <= strength <= STRONGEST_BESIDE_UT
+    return [Suspicion(sensor.name, said)] if is_odd else []
 
 
 def of_duration(gyro: Mapping[str, Any], lasted: float, carried: Carried = "hand") -> list[Suspicion]:

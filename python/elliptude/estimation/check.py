@@ -11,14 +11,14 @@ from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import FirstMeasurementStart
 from elliptude.configuration.motion import GyroFlow
-from elliptude.configuration.sensors import Accelerometer, Magnetometer
+from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer
 from elliptude.estimation import estimator, gaps
 from elliptude.estimation.direction_rows import direction_rows
 from elliptude.io.files import FileError
 from elliptude.logs import log as logs
 from elliptude.logs import plausibility
-from elliptude.logs.agreement import fields
 from elliptude.logs.agreement.findings import Finding
+from elliptude.logs.agreement.sizes import OddSize, odd_length, odd_rate
 from elliptude.logs.body_at_rest import UpAtRest, up_in_log
 from elliptude.logs.log import Log, Samples
 from elliptude.logs.signals.saturation import Saturation
@@ -27,11 +27,7 @@ from elliptude.typing import FloatArray
 
 # In median steps: a longer step is a gap.
 _GAP = 1.5
-# A normalized magnetometer shows this where it is not normalized for the place: the Earth's field over that elsewhere.
-_LEAST_OF_UNIT, _MOST_OF_UNIT = 0.28, 3.5
 _GRAVITY_TOLERANCE = 0.1
-# rad/s; the full range of common gyros.
-_FULL_RANGE = 2000.0 * np.pi / 180.0
 _HIGHEST_SAMPLE_RATE = 1e5
 _UNIT_NORM_TOLERANCE = 1e-3
 
@@ -137,9 +133,11 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
     findings += [
         Finding("warning", one.sensor, f"suspicious: {one.message}")
         for one in suspicions.of_configuration(configuration)
+        if str(one) not in {str(finding) for finding in findings}
     ]
     reports = [_report(one, configuration) for one in samples]
-    findings += [finding for one in samples for finding in _suspicions(one, configuration)]
+    odd = {finding.sensor for finding in findings if isinstance(finding, OddSize)}
+    findings += [finding for one in samples for finding in _suspicions(one, configuration, odd)]
     return Report(reports, findings, up, repaired)
 
 
@@ -217,7 +215,8 @@ def _unit(name: str, configuration: Configuration) -> tuple[str, float]:
     return "1", 1.0
 
 
-def _suspicions(samples: Samples, configuration: Configuration) -> list[Finding]:
+def _suspicions(samples: Samples, configuration: Configuration, odd: set[str]) -> list[Finding]:
+    """What is odd about a sensor's samples, unless its size was found to be among those already."""
     found: list[Finding] = []
 
     def warn(message: str) -> None:
@@ -227,26 +226,14 @@ def _suspicions(samples: Samples, configuration: Configuration) -> list[Finding]
         warn("never measured")
         return found
     norms = np.linalg.norm(samples.values, axis=1)
-    median = float(np.median(norms))
-    unit, scale = _unit(samples.name, configuration)
     sensor = next((one for one in configuration.directions if one.name == samples.name), None)
-    if isinstance(sensor, Accelerometer):
-        gravity = sensor.gravity_m_per_s2
-        if abs(median / gravity - 1.0) > _GRAVITY_TOLERANCE:
-            sizes = {other: median / scale * size / gravity for other, size in units.ACCELERATION.items()}
-            fitting: list[str] = [other for other, size in sizes.items() if abs(size - 1.0) <= _GRAVITY_TOLERANCE]
-            warn(f"its median norm is {median / scale:.4g} {unit}, which is not gravity" + _as_if(fitting))
-    elif isinstance(sensor, Magnetometer) and sensor.unit == "normalized":
-        if not _LEAST_OF_UNIT <= median / scale <= _MOST_OF_UNIT:
-            warn(f"its median norm is {median / scale:.4g}, and a normalized field is about 1: is it normalized?")
-    elif isinstance(sensor, Magnetometer):
-        is_of_earth = fields.WEAKEST_FIELD <= median <= fields.STRONGEST_FIELD
-        if not is_of_earth and not fields.voids_statements(median, sensor, configuration):
-            fitting = fields.units_of_field(median, sensor)
-            warn(f"its median norm is {median / scale:.4g} {unit}, which is not the Earth's field" + _as_if(fitting))
-    elif samples.name in {"the gyro", "rate"} and (norms > _FULL_RANGE).any():
-        fastest = np.rad2deg(norms.max())
-        warn(f"up to {norms.max() / scale:.4g} {unit}, which is {fastest:.4g} deg/s: more than most gyros can show")
+    said = "" if sensor is None else odd_length(samples.values, sensor, configuration)
+    if samples.name in {"the gyro", "rate"}:
+        said = odd_rate(samples.values, configuration)
+    if said and samples.name not in odd:
+        warn(said)
+    elif sensor is not None and not said and (little := _hardly_odd(float(np.median(norms)), sensor)):
+        warn(little)
     elif samples.name == "true attitude":
         worst = float(np.abs(norms - 1.0).max())
         if worst > _UNIT_NORM_TOLERANCE:
@@ -256,8 +243,19 @@ def _suspicions(samples: Samples, configuration: Configuration) -> list[Finding]
     return found
 
 
-def _as_if(fitting: list[str]) -> str:
-    return f"; it would be in {' or '.join(fitting)}" if fitting else ""
+def _hardly_odd(median: float, sensor: AnyDirection) -> str:
+    """What is said of a median norm, in SI units, that no unit explains and that is not as usual; else empty."""
+    if isinstance(sensor, Accelerometer) and abs(median / sensor.gravity_m_per_s2 - 1.0) > _GRAVITY_TOLERANCE:
+        shown = f"{median / units.ACCELERATION[sensor.unit]:.4g} {sensor.unit}"
+        return f"its median norm is {shown}, which is not gravity within {100.0 * _GRAVITY_TOLERANCE:g} %"
+    if not isinstance(sensor, Magnetometer) or sensor.unit == "normalized":
+        return ""
+    if units.WEAKEST_FIELD_UT <= median / units.FIELD["uT"] <= units.STRONGEST_FIELD_UT:
+        return ""
+    return (
+        f"its median norm is {median / sensor.tesla:.4g} {sensor.unit}, which is not the Earth's field "
+        f"({units.WEAKEST_FIELD_UT:g} to {units.STRONGEST_FIELD_UT:g} µT)"
+    )
 
 
 def _clock(samples: Samples) -> list[Finding]:

@@ -1,6 +1,7 @@
 """One call from arrays to attitudes with their bounds: `elliptude bounds` and `elliptude estimate`, without files."""
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
@@ -13,24 +14,21 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import Question
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import Carried, rule_for
-from elliptude.configuration.sensors import Accelerometer, Magnetometer
 from elliptude.configuration.statements import VelocityWindowBound
 from elliptude.errors import InconsistentMeasurement
 from elliptude.estimation import gaps
 from elliptude.estimation.estimator import Estimation, estimate
 from elliptude.estimation.guaranteed_result import contradicted_up, dropped_columns
 from elliptude.estimation.why_no_set import why_no_set
-from elliptude.from_arrays.inputs import times_of, unit_of_time, vectors_of
+from elliptude.from_arrays.inputs import times_of, vectors_of
 from elliptude.io.files import FileError, sentence
 from elliptude.io.readers.arrays import ArrayLog
 from elliptude.io.toml import validate
 from elliptude.logs import log as logs
-from elliptude.logs.axes.stated import Stated
-from elliptude.logs.log import Log
-from elliptude.logs.plausibility import Heard, ImplausibleError, plausible_pieces
+from elliptude.logs.plausibility import Heard, ImplausibleError, plausible_pieces, suspected
 from elliptude.proposal import mapping, proposals
 from elliptude.proposal.mapping import Tables
-from elliptude.proposal.starting_configuration import (
+from elliptude.proposal.starting.configuration import (
     MARGIN,
     UP_ALONE,
     ruled_configuration,
@@ -44,9 +42,7 @@ _NAME = "the arrays"
 _QUESTIONS = tuple(question for question in get_args(Question) if question != "vector")
 _KINDS = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
 _ARGUMENTS = {"the gyro": "gyr", "up": "acc", "field": "mag"}
-_OF_ARGUMENT: Mapping[str, type[Accelerometer | Magnetometer]] = {"acc": Accelerometer, "mag": Magnetometer}
-# Which unit of the gyro makes right what is said of its turns.
-_GYRO_UNITS = {"degrees were declared as radians": "deg/s", "radians were declared as degrees": "rad/s"}
+_TIMES = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
 _UNITS: Mapping[str, Mapping[Any, float]] = {
     "gyr": units.ANGULAR_VELOCITY,
     "acc": units.ACCELERATION,
@@ -54,8 +50,6 @@ _UNITS: Mapping[str, Mapping[Any, float]] = {
 }
 # What to do where a rule does not fit the arrays.
 _REMEDY = "statements='recording' takes bounds from what the recording itself shows"
-# Medians in SI units beyond these suggest that the unit is not what is stated.
-_USUAL = {"acc": (4.9, 19.7, "gravity"), "mag": (5e-6, 5e-4, "the Earth's field")}
 
 
 def ahrs(
@@ -104,8 +98,8 @@ def ahrs(
         heading="from the first row" if run.starts_heading else "not known" if only_up else "from magnetic east",
         dropped={name: int(np.sum(np.array(dropped["sensor"]) == name)) for name in dict.fromkeys(dropped["sensor"])},
         notes=(
-            *heard.ignored,
-            *(f"suspicious: {one}" for one in heard.suspicious),
+            *map(_in_arguments, heard.ignored),
+            *(f"suspicious: {_in_arguments(one)}" for one in heard.suspicious),
             *([] if wrong is None else [wrong["said"]]),
             *only_up,
             *why_no_set(run, configuration),
@@ -126,28 +120,25 @@ def _estimated(
     heard: Heard,
 ) -> tuple[Configuration, Estimation]:
     """What follows from the arrays, and what was found out about them; errors name arguments."""
-    file, tables, odd = _recording(time, sensors, stated_units)
+    file, tables = _recording(time, sensors, stated_units)
     tables["implausible"] = implausible
-    # Where anything else fails, a length that is odd may be why.
-    lengths = "".join(f"{sentence(one)} " for one in odd.values())
     try:
-        configuration = _configuration(file, tables, statements).with_questions(questions)
+        configuration = _configuration(file, tables, statements, heard).with_questions(questions)
         pieces = plausible_pieces(logs.read_pieces(file, configuration), configuration, _NAME, heard)
-        log = logs.joined(list(pieces))
-        _judge(odd, log, configuration, heard)
-        return configuration, estimate(log, configuration)
+        return configuration, estimate(logs.joined(list(pieces)), configuration)
     except ImplausibleError as error:
-        errors = "; ".join([*odd.values(), *(_in_arguments(one) for one in error.errors if one not in odd.values())])
-        raise ValueError(f"{_NAME}: {sentence(errors)} If it is right as it is: implausible='ignore'") from error
+        errors = f"{sentence('; '.join(error.errors))}{heard.beside(error.errors)}"
+        said = f"{_NAME}: {_in_arguments(errors)} If it is right as it is: implausible='ignore'"
+        raise ValueError(said) from error
     except FileError as error:
-        raise ValueError(f"{lengths}{error}") from error
+        raise ValueError(_in_arguments(heard.after(str(error)))) from error
     except InconsistentMeasurement:
         raise
     except ValueError as error:
         if statements not in get_args(Carried):
-            raise ValueError(f"{lengths}{error}") from error
-        remedy = unit_of_time(times_of(time)) or _REMEDY
-        raise ValueError(f"{lengths}statements={statements!r}: {error}. {remedy}") from error
+            raise ValueError(_in_arguments(heard.after(str(error)))) from error
+        said = f"statements={statements!r}: {sentence(str(error))}{heard.beside()} {_REMEDY}"
+        raise ValueError(_in_arguments(said)) from error
 
 
 def _known_questions(questions: Sequence[str]) -> Sequence[str]:
@@ -176,36 +167,25 @@ def _of_up_alone(configuration: Configuration) -> list[str]:
     ]
 
 
-def _in_arguments(error: str) -> str:
-    """What contradicts within a log, with the names of arguments in the place of those of a configuration."""
+def _in_arguments(said: str) -> str:
+    """What is said of a log, with the names of arguments in the place of those of a configuration."""
     for name, argument in _ARGUMENTS.items():
-        error = error.replace(f"'{name}'", argument)
-        error = f"{argument}{error.removeprefix(name)}" if error.startswith(f"{name}:") else error
-    unit = next((unit for words, unit in _GYRO_UNITS.items() if words in error), None)
-    return error if unit is None else f"{error}: gyr_unit={unit!r}?"
+        said = said.replace(f"'{name}'", argument)
+        said = re.sub(rf"(^|; |Suspicious: ){name}: ", rf"\1{argument}: ", said)
+        said = re.sub(rf'({argument}: [^"]*): write unit = "([^"]+)"', rf"\1: {argument}_unit='\2'", said)
+    said = re.sub(r'write flow\.unit = "([^"]+)"', r"gyr_unit='\1'", said)
+    for unit, name in _TIMES.items():
+        of_steps, of_turns = f'; it would be in {unit}: write time_unit = "{unit}"', f'write time_unit = "{unit}"'
+        asked = f"time is in s: are they {name}?"
+        said = said.replace(of_steps, f"; {asked}").replace(of_turns, asked)
+    return said
 
 
-def _judge(odd: Mapping[str, str], log: Log, configuration: Configuration, heard: Heard) -> None:
-    """Refuse lengths that all that is stated rules out, (18.16); the others are suspicious."""
-    stated = Stated(configuration)
-    for argument, said in odd.items():
-        sensor = next(one for one in configuration.directions if isinstance(one, _OF_ARGUMENT[argument]))
-        if stated.quotient(log, sensor.name) <= 1.0:
-            heard.suspicious.append(said)
-        elif configuration.implausible == "refuse":
-            raise ImplausibleError(_NAME, [said])
-        else:
-            heard.ignored.append(said)
-
-
-def _recording(
-    time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any]
-) -> tuple[ArrayLog, Tables, dict[str, str]]:
-    """The arrays as a log, which of its columns are which sensors, and what is odd about the lengths of any."""
+def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any]) -> tuple[ArrayLog, Tables]:
+    """The arrays as a log, and which of its columns are which sensors."""
     times = times_of(time)
     columns: dict[str, FloatArray] = {"time[:]": times}
     named: dict[str, tuple[list[str], str]] = {}
-    odd: dict[str, str] = {}
     for name, values in sensors.items():
         known, unit = _UNITS[name], stated[name]
         if not isinstance(unit, str) or unit not in known:
@@ -213,31 +193,14 @@ def _recording(
         if values is None and name == "mag":
             continue
         vectors = vectors_of(name, values, len(times), may_be_missing=name != "gyr")
-        if name in _USUAL:
-            said = _odd_length(name, unit, float(np.nanmedian(np.linalg.norm(vectors, axis=1))))
-            odd |= {name: said} if said else {}
         axes = [f"{name}[:, {i}]" for i in range(3)]
         columns |= dict(zip(axes, vectors.T, strict=True))
         named[_KINDS[name]] = axes, unit
     file = ArrayLog(columns, _NAME)
-    return file, mapping.as_written(mapping.of_sensors("time[:]", "s", named), file, repair=False), odd
+    return file, mapping.as_written(mapping.of_sensors("time[:]", "s", named), file, repair=False)
 
 
-def _odd_length(name: str, unit: str, length: float) -> str:
-    """What is said of a sensor whose median length suggests that its unit is not what is stated; else empty."""
-    known = _UNITS[name]
-    least, most, what = _USUAL[name]
-    if least <= known[unit] * length <= most:
-        return ""
-    fitting = [repr(other) for other, size in known.items() if least <= size * length <= most]
-    remedy = f"; the unit may be {name}_unit={' or '.join(fitting)}" if fitting else ""
-    return (
-        f"{name}: its median length is {length:.3g} {unit}, not {what}, "
-        f"{least / known[unit]:.3g} to {most / known[unit]:.3g} {unit}{remedy}"
-    )
-
-
-def _configuration(file: ArrayLog, tables: Tables, statements: str | os.PathLike[str]) -> Configuration:
+def _configuration(file: ArrayLog, tables: Tables, statements: str | os.PathLike[str], heard: Heard) -> Configuration:
     """What `elliptude bounds` would write for the recording; or with a rule that says all bounds."""
     if statements != "recording":
         ruled = validate(file.path, ruled_configuration(tables, _rule(statements)), Configuration)
@@ -246,18 +209,22 @@ def _configuration(file: ArrayLog, tables: Tables, statements: str | os.PathLike
         return ruled
     configuration = mapping.configuration_of(tables, file.path)
     recording, origin = mapping.read_recording(file, configuration)
-    for _ in plausible_pieces(logs.read_pieces(file, configuration), configuration, _NAME):
-        pass  # it raises what is wrong before anything is proposed from it
-    document = starting_configuration(
-        tables,
-        proposals.propose(recording),
-        MARGIN,
-        mode="guaranteed",
-        log=_NAME,
-        origin=origin,
-        shared_stamps=recording.shared_stamps,
-        shared_forces=recording.shared_forces,
-    )
+    try:
+        document = starting_configuration(
+            tables,
+            proposals.propose(recording),
+            MARGIN,
+            mode="guaranteed",
+            log=_NAME,
+            origin=origin,
+            shared_stamps=recording.shared_stamps,
+            shared_forces=recording.shared_forces,
+        )
+    except ValueError:
+        # Nothing is stated yet, so that it is suspicious at most.
+        found = suspected(logs.read_pieces(file, configuration), configuration)
+        heard.of_units = {one: one for one in found}
+        raise
     return validate(file.path, document.unwrap(), Configuration)
 
 

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 from elliptude._arrays import unmasked
 from elliptude.logs.alignment import LARGEST_TIME_S
 from elliptude.typing import FloatArray
+from elliptude.units import SELDOM_S
 
 # In the unit that is stated; no sensor shows more.
 _LARGEST = 1e9
-# s; no gyro in a hand, on a person, a drone, a car or a boat is read so seldom.
-_NO_SECONDS = 0.9
 
 
 def times_of(time: Any) -> FloatArray:
@@ -47,7 +46,7 @@ def times_of(time: Any) -> FloatArray:
 def unit_of_time(times: FloatArray) -> str:
     """The question whether times are in a smaller unit than seconds, if their steps are so long; else empty."""
     step = float(np.median(np.diff(times)))
-    if step < _NO_SECONDS:
+    if step < SELDOM_S:
         return ""
     unit = "milliseconds" if step < 1e3 else "microseconds" if step < 1e6 else "nanoseconds"
     return f"time is in s, and its steps are {step:g} s (median): are they {unit}?"

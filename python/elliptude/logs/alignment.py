@@ -308,8 +308,15 @@ def _require_times(rows: _Rows, clock: Clock, present: BoolArray, origin: int) -
     if far.any():
         with np.errstate(over="ignore"):
             steps = np.diff(seconds[present])
-        usual = f" The steps are {np.median(steps):.6g} s (median)" if len(steps) else ""
+        usual = _usual_step(float(np.median(steps)), clock.unit) if len(steps) else ""
         rows.refuse(far, clock.column, f"{_is_no_time(float(seconds[np.argmax(far)]))}{usual}")
+
+
+def _usual_step(step: float, unit: units.TimeUnit) -> str:
+    """How far stamps are apart, s, and the unit in which that would be as of a sensor."""
+    meant = units.other_time_unit(unit, lambda factor: units.OFTEN_S <= factor * step < units.SELDOM_S)
+    in_other = f'; they would be in {meant}: write time_unit = "{meant}"' if step >= units.SELDOM_S and meant else ""
+    return f" The steps are {step:.6g} s (median){in_other}"
 
 
 def _seconds(

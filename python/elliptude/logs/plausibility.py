@@ -11,8 +11,8 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.sensors import Accelerometer
 from elliptude.io.files import FileError, sentence
 from elliptude.logs.agreement.attitudes import reference_attitude
-from elliptude.logs.agreement.fields import fields_in_other_units
 from elliptude.logs.agreement.findings import Finding
+from elliptude.logs.agreement.sizes import OddSize, length_counts, odd_sizes
 from elliptude.logs.agreement.turns import Turns, WrongUnit, gyro_against_direction, stuck_gyro
 from elliptude.logs.axes.axes_check import look_at_axes
 from elliptude.logs.axes.stated import Stated
@@ -33,12 +33,14 @@ class ImplausibleError(FileError):
     name : str
         Name of the log.
     errors : sequence of str
+    beside : str
+        What is suspicious beside them, as `Heard.beside` says it.
     """
 
-    def __init__(self, name: str, errors: Sequence[str]) -> None:
+    def __init__(self, name: str, errors: Sequence[str], beside: str = "") -> None:
         self.errors = tuple(errors)
         super().__init__(
-            f"{name}: {sentence('; '.join(errors))} If it is right as it is, say implausible = 'ignore' in the "
+            f"{name}: {sentence('; '.join(errors))}{beside} If it is right as it is, say implausible = 'ignore' in the "
             "configuration, or --ignore-implausible of estimate"
         )
 
@@ -56,6 +58,18 @@ class Heard:
     suspicious: list[str] = field(default_factory=list)
     """What may be wrong: sensors that do not fit one another, or that may have been at the end of their range; complete
     when all pieces are passed on."""
+    of_units: dict[str, str] = field(default_factory=dict)
+    """Of all this what would be usual in another unit, in the log or in the configuration, by the sensor's name."""
+
+    def beside(self, errors: Sequence[str] = ()) -> str:
+        """What may be why anything else failed, as further sentences with a blank before them; else empty."""
+        others = [one for one in self.of_units.values() if one not in errors]
+        return f" Suspicious: {sentence('; '.join(others))}" if others else ""
+
+    def after(self, message: str) -> str:
+        """A message of what failed, and what may be why."""
+        beside = self.beside()
+        return f"{sentence(message)}{beside}" if beside else message
 
 
 def plausible_pieces(
@@ -117,18 +131,42 @@ def _require_plausible(log: Log, configuration: Configuration, stated: Stated, n
     """Whether the log has moved enough, or no further check would help."""
     heard.up = heard.up or up_in_log(log, configuration)
     findings, is_told = _look(log, configuration, stated)
+    # Of a size it is enough to hear once, and not of each block again.
+    findings = [one for one in findings if not isinstance(one, OddSize) or one.sensor not in heard.of_units]
+    heard.of_units |= {one.sensor: str(one) for one in reversed(findings) if isinstance(one, OddSize)}
+    heard.of_units |= {f"stated of {one.sensor}": str(one) for one in suspicions.of_units(configuration)}
     errors = [str(finding) for finding in findings if finding.severity == "error"]
     # What an accelerometer shows beside gravity turns as it likes: `check` says it, and it means little.
     forces = {sensor.name for sensor in configuration.directions if isinstance(sensor, Accelerometer)}
-    warnings = [str(one) for one in findings if one.severity == "warning" and one.sensor not in forces]
+    means_little = [one for one in findings if one.sensor in forces and not isinstance(one, OddSize)]
+    warnings = [str(one) for one in findings if one.severity == "warning" and one not in means_little]
     heard.suspicious += [warning for warning in warnings if warning not in heard.suspicious]
     if not errors:
         return is_told
     if configuration.implausible == "refuse":
-        raise ImplausibleError(name, errors)
+        raise ImplausibleError(name, errors, heard.beside(errors))
     heard.ignored += errors
     heard.notes += [f"implausible, and gone on regardless: {error}" for error in errors]
     return True
+
+
+def suspected(pieces: Iterable[Log], configuration: Configuration) -> list[str]:
+    """All that may be wrong with the beginning of a log of which hardly anything is stated, so that nothing is sure.
+
+    Parameters
+    ----------
+    pieces : iterable of Log
+    configuration : Configuration
+        What its bounds say does not count.
+
+    Returns
+    -------
+    list of str
+    """
+    heard = Heard()
+    regardless = configuration.model_copy(update={"implausible": "ignore"})
+    next(plausible_pieces(pieces, regardless, "", heard), None)
+    return [*heard.ignored, *heard.suspicious]
 
 
 def contradictions(log: Log, configuration: Configuration) -> list[Finding]:
@@ -154,7 +192,8 @@ def _look(log: Log, configuration: Configuration, stated: Stated) -> tuple[list[
     """
     stated.rates(log)  # in the first piece of a recording the bias is known
     turns = Turns(log, configuration)
-    by_direction = [gyro_against_direction(log, turns, i, sensor) for i, sensor in enumerate(configuration.directions)]
+    by_direction = [gyro_against_direction(log, turns, i, configuration) for i in range(len(configuration.directions))]
+    sizes = _sizes(log, configuration, stated)
     found = [_if_sure(finding, log, stated) for finding in by_direction if isinstance(finding, Finding)]
     is_confirmed = "confirmed" in by_direction
     of_unit: list[Finding] = [finding for finding in found if isinstance(finding, WrongUnit)]
@@ -163,20 +202,31 @@ def _look(log: Log, configuration: Configuration, stated: Stated) -> tuple[list[
         found = [replace(finding, severity="warning") for finding in found]
     elif of_unit:
         # A rate of another size explains all else that does not turn as it says; axes tried against it show nothing.
-        return of_unit + fields_in_other_units(log, configuration), False
+        return of_unit + sizes, False
     if not is_confirmed and (stuck := stuck_gyro(log, configuration, stated)) is not None:
-        return [stuck, *fields_in_other_units(log, configuration)], False
+        return [stuck, *sizes], False
     axes = look_at_axes(log, configuration, stated)
     if axes.wrong:
         # What is sure, with what would be right, comes before what a slope only suggests.
         named = {wrong.sensor for wrong in axes.wrong}
         found = [] if named & {"the gyro", "rate"} else [finding for finding in found if finding.sensor not in named]
         found += [Finding("error" if wrong.is_sure else "warning", wrong.sensor, wrong.message) for wrong in axes.wrong]
-    found += fields_in_other_units(log, configuration)
+    found += sizes
     if not any(finding.severity == "error" for finding in found):
         attitude = reference_attitude(log, turns, configuration, stated)
         found += [attitude] if attitude is not None else []
     return found, is_confirmed and axes.is_told
+
+
+def _sizes(log: Log, configuration: Configuration, stated: Stated) -> list[Finding]:
+    """Odd sizes of what is measured, and those of what is stated that the log rules out."""
+    sizes: list[Finding] = [
+        one if one.is_proved else _if_sure(one, log, stated) for one in odd_sizes(log, configuration)
+    ]
+    counted = {sensor.name for sensor in configuration.directions if length_counts(sensor, configuration)}
+    of_statements = [one for one in suspicions.of_units(configuration) if one.sensor in counted]
+    proved = [one for one in of_statements if stated.quotient(log, one.sensor) > 1.0]
+    return sizes + [OddSize("error", one.sensor, one.message) for one in proved]
 
 
 def _if_sure(finding: Finding, log: Log, stated: Stated) -> Finding:

@@ -396,6 +396,15 @@ def configuration_of(tables: Tables, path: str | os.PathLike[str]) -> Configurat
     return validate(path, full, Configuration)
 
 
+def with_own_bounds(tables: Tables) -> set[str]:
+    """The names of directions whose bounds the tables state, by a rule or one by one."""
+    return {
+        sensor["name"]
+        for sensor in tables.get("directions", [])
+        if "rule" in tables or sensor.keys() & {"bound_deg", "bound_rad2", "bound_from"}
+    }
+
+
 def read_recording(path: LogSource, configuration: Configuration) -> tuple[Recording, int]:
     """Read the recording that bounds are proposed from, at the gyro's times.
 

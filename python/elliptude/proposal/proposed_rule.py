@@ -18,8 +18,8 @@ from elliptude.bounds.gyro import TIMES_USUAL
 from elliptude.configuration import rules
 from elliptude.configuration.rules import Carried
 from elliptude.proposal.delays import DelayProposal
-from elliptude.proposal.document import Once
 from elliptude.proposal.proposals import Proposal, StartProposal
+from elliptude.proposal.starting.document import Once
 from elliptude.proposal.statistics import Quantiles
 
 _DEGREES = math.degrees(1.0)

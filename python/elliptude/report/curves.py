@@ -31,7 +31,7 @@ PIECES = 500
 """Pieces of rows; the extremes of each are drawn."""
 
 # Width of the names of lanes, px; all plots over time have it, so that their times are below one another.
-_LANES_WIDTH = 110
+_LANES_WIDTH = 90
 _BLUE, _ORANGE = "#0072B2", "#D55E00"
 # On white and on black.
 _LIGHT_BLUE, _MIDDLE_BLUE = "rgba(86,180,233,0.35)", "#2A93D1"
@@ -409,11 +409,14 @@ def _strip(run: Run, spells: list[Spell]) -> dict[str, Any]:
                 "meta": "ink",
             }
         )
+    # In two lines, as a phone is narrow.
+    names = ["prediction<br>used" if lane == "prediction used" else lane for lane in lanes]
     layout = plot_layout(
         barmode="overlay",
         height=65 + 30 * len(lanes),
         xaxis=time_axis(run),
-        yaxis={"categoryorder": "array", "categoryarray": lanes[::-1], "automargin": True, "dtick": 1},
+        yaxis={"categoryorder": "array", "categoryarray": lanes[::-1], "automargin": True}
+        | {"tickmode": "array", "tickvals": lanes, "ticktext": names},
         showlegend=False,
         hovermode="closest",
     )

@@ -1,7 +1,7 @@
 """An interactive report of a run in one HTML file, which needs no network: Plotly's program is inside.
 
 Curves are drawn at chosen rows (`elliptude.report.thinning.chosen_rows`), the sphere at up to
-`elliptude.report.sphere.FRAMES` times; the numbers in the summary are of all rows.
+`elliptude.report.axes.sphere.FRAMES` times; the numbers in the summary are of all rows.
 """
 
 import json
@@ -18,12 +18,12 @@ import elliptude
 from elliptude.bounds.angles.about_axes import ErrorAxes
 from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT, UP, half_width, tilt_beyond_set
 from elliptude.io.files import FileError, replacing
+from elliptude.report.axes.sphere import frame_rows, sphere_frames, sphere_plot
 from elliptude.report.curves import AMBER, GREY, PIECES, plots_over_time
 from elliptude.report.estimated.curves import measured_plot
 from elliptude.report.figures import BLUE
 from elliptude.report.run import SPELL_GAP, DroppedMeasurements, Run, Spell
 from elliptude.report.run_figures import AXIS_COLOURS, CLAIM_COLOURS, PREDICTION_COLOURS, claim_label
-from elliptude.report.sphere import frame_rows, sphere_frames, sphere_plot
 from elliptude.report.thinning import chosen_rows, pieces
 from elliptude.results import CLAIMS, IF_PROPOSED_BOUNDS_HOLD
 from elliptude.typing import FloatArray
@@ -98,6 +98,8 @@ def _where_it_is_known(run: Run) -> dict[str, Any]:
         summary["bounds_from_recording"] = run.bounds_from_recording
     if run.implausible:
         summary["implausible"] = list(run.implausible)
+    if run.suspicious:
+        summary["suspicious"] = list(run.suspicious)
     if run.up_at_rest is not None:
         summary["up_at_rest"] = run.up_at_rest
     if run.best is not None:
@@ -178,6 +180,8 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
     parts = {
         "version": elliptude.__version__,
         "title": escape(title),
+        # Names of files are long, and have no blank where a line may end.
+        "heading": escape(title).replace("_", "_<wbr>"),
         "proposed": _proposed(run),
         "css": _text("report.css"),
         "summary": _summary_table(summary),
@@ -298,6 +302,8 @@ def _size_note(run: Run) -> str:
 
 def _summary_table(summary: dict[str, Any]) -> str:
     cells = [(escape(name), escape(text)) for name, text in _lines_of_the_run(summary)]
+    for one in reversed(summary.get("suspicious", [])):
+        cells.insert(0, ("suspicious", f'<span class="warn">{escape(one)}</span>'))
     for one in reversed(summary.get("implausible", [])):
         cells.insert(0, ("implausible, gone on regardless", f'<span class="warn">{escape(one)}</span>'))
     cells += _lines_of_the_comparison(summary)

@@ -15,7 +15,8 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.estimation import gaps
 from elliptude.estimation.direction_rows import DirectionRows
-from elliptude.estimation.guaranteed_run import FilterInput, GuaranteedRun, turns_of
+from elliptude.estimation.given.filter_input import FilterInput, turns_of
+from elliptude.estimation.guaranteed_run import GuaranteedRun
 from elliptude.estimation.vertical import Turns
 from elliptude.results import DirectionLog, GuaranteedLog
 from elliptude.typing import FloatArray, TorqueLike

@@ -16,7 +16,7 @@ from elliptude.estimation.direction_rows import direction_rows
 from elliptude.io.files import FileError
 from elliptude.io.spool import NamedFile
 from elliptude.logs.log import read_log
-from elliptude.report.body_axes import perpendicular
+from elliptude.report.axes.body_axes import perpendicular
 from elliptude.report.run import Run
 from elliptude.typing import FloatArray
 

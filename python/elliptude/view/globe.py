@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from elliptude.report.axes.sphere import MERIDIANS, Frames, frame_label, frame_rows, frames_of, triangles
 from elliptude.report.run import Run, magnification_to
 from elliptude.report.run_figures import AXIS_COLOURS
-from elliptude.report.sphere import MERIDIANS, Frames, frame_label, frame_rows, frames_of, triangles
 from elliptude.typing import FloatArray
 from elliptude.view.directions import MeasuredDirections, circles, latest_rows, moved_away
 from elliptude.view.stream import Stream, there

@@ -14,7 +14,8 @@ from elliptude.configuration.configuration import read_configuration
 from elliptude.io.files import FileError, replacing
 from elliptude.io.spool import recording
 from elliptude.report.comparison import run_against
-from elliptude.report.run import Run, read_run
+from elliptude.report.estimated.reading import read_run
+from elliptude.report.run import Run
 from elliptude.view.curves import PIECES, send_curves
 from elliptude.view.directions import MeasuredDirections, measured_directions
 from elliptude.view.globe import send_globe
@@ -185,6 +186,7 @@ def _send(stream: Stream, run: Run, label: str, measured: MeasuredDirections | N
 def _notes(run: Run, label: str, drawn: Drawn, measured: MeasuredDirections | None) -> str:
     """What there is to see, and what was left out of it, as Markdown."""
     lines = [f"**Implausible, gone on regardless:** {one}" for one in run.implausible]
+    lines += [f"**Suspicious:** {one}" for one in run.suspicious]
     if run.bounds_from_recording is not None:
         lines.append(f"**The sets are no guarantee:** their bounds are proposals from {run.bounds_from_recording}.")
     lines.append("Each patch is where a body axis may point: the exact image of the set of attitudes.")

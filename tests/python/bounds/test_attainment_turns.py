@@ -8,7 +8,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from elliptude.bounds.gyro import GyroBounds, scale_effects
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.matrix_effects import scale_effects
 from elliptude.bounds.stamps import time_offset_angles
 from scipy.spatial.transform import Rotation
 

@@ -5,7 +5,8 @@ import pytest
 from elliptude.bounds.carried.frame import CarriedFrame
 from elliptude.bounds.carried.one_matrix import OneMatrix, nuclear_norms
 from elliptude.bounds.carried.second_order import SecondOrder
-from elliptude.bounds.gyro import GyroBounds, scale_effects
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.matrix_effects import scale_effects
 from elliptude.bounds.stamps import OffsetTurns
 from elliptude.bounds.window_averages import Piece
 from elliptude.bounds.windows import MotionBounds, field_bounds_over_windows, gravity_bounds_over_windows

@@ -4,7 +4,8 @@ import itertools
 
 import numpy as np
 import pytest
-from elliptude.bounds.gyro import GyroBounds, chord_errors, scale_effects
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.matrix_effects import chord_errors, scale_effects
 from elliptude.bounds.turns import attitudes_from_rates, coning_angles
 from elliptude.bounds.windows import MotionBounds, gravity_bounds_over_windows
 from inputs import angle_between

@@ -10,7 +10,7 @@ from elliptude import cli
 from elliptude.cli import estimate as estimate_command
 from elliptude.cli.outputs import print_table
 from elliptude.io.files import FileError
-from elliptude.report.run import read_run
+from elliptude.report.estimated.reading import read_run
 from rich.table import Table
 from typer.testing import CliRunner
 

@@ -17,8 +17,9 @@ from elliptude.configuration.references import sun_directions
 from elliptude.configuration.rules import apply_rule, hand_held
 from elliptude.configuration.rules.at_start import field_at_rest, up_at_rest
 from elliptude.configuration.statements import SunByTime
-from elliptude.estimation import guaranteed_run
 from elliptude.estimation.direction_rows import direction_rows
+from elliptude.estimation.given import filter_input
+from elliptude.estimation.given.start import first_set
 from elliptude.io.files import FileError
 from elliptude.logs import Log
 from scipy.integrate import solve_ivp
@@ -66,7 +67,7 @@ def test_the_flows_noise_is_what_the_gyro_may_be_off(estimate_bias):
     gyro = GyroBounds(noise=noise, bias=bias, drift=0.003, scale_error=k)
     fields = {"estimate_bias": estimate_bias, "bias_deg_per_s": 1.0, "angular_acceleration_deg_per_s2": 5.0}
     flow = configured(fields).flow
-    core = guaranteed_run.gyro_flow(gyro, flow)
+    core = filter_input.gyro_flow(gyro, flow)
     for true in (0.0, 0.5, 3.0):
         shown = (1.0 - k) * true - bias - noise
         if shown < 0.0:
@@ -106,7 +107,7 @@ def test_a_scale_that_hides_how_the_axis_of_the_rate_moves():
     log = still_log(times, (1.0 - k) * true, np.ones(count, bool))
     configuration = configured({"scale_error": k})
     rows = direction_rows(log, configuration)
-    flow = guaranteed_run._filter_input(log, configuration, rows, None).flow
+    flow = filter_input.filter_input(log, configuration, rows, None).flow
     fine = (np.arange(2000) + 0.5) / 2000
     turns = Rotation.from_rotvec(step / 2000 * (begin + np.outer(fine, end - begin)))
     whole = Rotation.identity()
@@ -156,7 +157,7 @@ def test_where_a_recording_without_a_heading_begins():
         references=REFERENCES[None, :1],
     )
     configuration = SimpleNamespace(start=None, rule=object(), flow=None)
-    start, counts = guaranteed_run._start(None, configuration, rows)
+    start, counts = first_set(configuration, rows)
     assert counts
     np.testing.assert_allclose(start.attitude @ up, [0.0, 0.0, 1.0], atol=1e-12)
     for direction in np.linspace(0.0, np.pi, 7):
@@ -179,14 +180,14 @@ def test_rounding_of_many_steps_is_in_the_bound(count, speed):
     found = turns.rates[-1].astype(np.longdouble) * (step * (count - 1))
     error = float(np.linalg.norm(found - left * axis))
     assert turns.turned[-1] == pytest.approx(float(angle), rel=1e-6)
-    assert error <= guaranteed_run._ROUNDING * (count - 1 + turns.turned[-1])
+    assert error <= filter_input._ROUNDING * (count - 1 + turns.turned[-1])
     if speed > 1.0:  # what a step adds would not do
-        assert error > guaranteed_run._ROUNDING * (count - 1)
+        assert error > filter_input._ROUNDING * (count - 1)
 
 
 def test_the_rounding_of_each_step_is_added(monkeypatch):
     """It is far below what any log shows, so its unit is taken to be larger: each step since the anchor adds one."""
-    monkeypatch.setattr(guaranteed_run, "_ROUNDING", 1e-5)
+    monkeypatch.setattr(filter_input, "_ROUNDING", 1e-5)
     times = np.linspace(0.0, 2.0, 101)
     log = still_log(times, np.zeros((101, 3)), np.zeros(101, bool))
     given = {"kind": "given", "attitude_qw_qx_qy_qz": [1.0, 0.0, 0.0, 0.0], "P_diagonal": [1e-4] * 6}

@@ -15,7 +15,7 @@ from elliptude.estimation.best import choice, vqf
 from elliptude.io import column_files, tables
 from elliptude.io.tables import Result
 from elliptude.logs import Log
-from elliptude.report.run import read_run
+from elliptude.report.estimated.reading import read_run
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 

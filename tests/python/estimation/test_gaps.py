@@ -17,7 +17,7 @@ from elliptude.configuration.rules import apply_rule, hand_held
 from elliptude.estimation import gaps
 from elliptude.logs import Log
 from elliptude.proposal import proposals
-from elliptude.report.run import read_run
+from elliptude.report.estimated.reading import read_run
 from reference import so3
 from scipy.spatial.transform import Rotation
 from test_guaranteed_run import configured, gyro_log, run, so3_unit
@@ -406,7 +406,7 @@ def test_summary_without_gaps():
 @pytest.mark.parametrize("angle_deg", [1e-3, 5.0, 10.0, 120.0])
 def test_a_disc_of_attitudes_is_a_set(angle_deg):
     """Its shape was less than flat by rounding for a fifth to a half of all directions."""
-    from elliptude.estimation.guaranteed_run import _disc, _without_bias
+    from elliptude.estimation.given.start import _disc, _without_bias
 
     draws = np.random.default_rng(1)
     angle = np.deg2rad(angle_deg)

@@ -14,7 +14,7 @@ from elliptude.configuration import Configuration, rules, suspicions
 from elliptude.io import column_files, tables
 from elliptude.logs.body_at_rest import axis_in_words, up_at_rest
 from elliptude.logs.quaternion_readings import misread, readings
-from elliptude.report.run import read_run
+from elliptude.report.estimated.reading import read_run
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 

@@ -20,7 +20,7 @@ from elliptude.io.tables import Result
 from elliptude.logs import Log
 from elliptude.report import page
 from elliptude.report.estimated import picture
-from elliptude.report.run import read_run
+from elliptude.report.estimated.reading import read_run
 from elliptude.validation.questions import tilt_and_heading
 from scipy.spatial.transform import Rotation
 from test_guaranteed_run import REFERENCES, configured, gyro_log, recording, ruled, so3_unit

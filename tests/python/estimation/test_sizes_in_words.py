@@ -12,8 +12,8 @@ from elliptude.estimation import guaranteed_result, sizes_in_words
 from elliptude.estimation.guaranteed_run import run_guaranteed
 from elliptude.io.tables import Result
 from elliptude.logs import read_log
-from elliptude.report.run import read_run
-from elliptude.report.sphere import frame_label
+from elliptude.report.axes.sphere import frame_label
+from elliptude.report.estimated.reading import read_run
 from elliptude.results import CLAIMS
 from test_guaranteed_run import recording, ruled, run
 

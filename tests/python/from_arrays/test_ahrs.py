@@ -138,11 +138,11 @@ def test_an_acceleration_above_2_g_passes_if_the_user_says_so():
     """As at the wrist of somebody who runs: the refusal names the argument that lets it pass, and a note says it."""
     times, rates, forces, _, _ = made(count=600, resting=250)
     forces[250:] *= 3.0
-    with pytest.raises(ValueError, match=r"acc: its median length is 29\.\d m/s\^2, not gravity.*implausible='ignore'"):
+    with pytest.raises(ValueError, match=r"acc: its median norm is 29\.\d+ m/s\^2, .*implausible='ignore'"):
         el.ahrs(times, rates, forces)
     found = el.ahrs(times, rates, forces, implausible="ignore")
     assert len(found) == 600
-    assert any("acc: its median length is 29" in note for note in found.notes)
+    assert any("acc: its median norm is 29" in note for note in found.notes)
 
 
 def test_the_truth_is_within_all_that_is_claimed(recording, by_hand):
@@ -265,7 +265,7 @@ def test_a_field_that_no_statement_rules_out_is_suspicious(recording):
     times, rates, forces, fields, _ = recording
     found = el.ahrs(times, rates, forces, 0.08 * fields, mag_unit="uT")
     assert any(
-        re.match(r"suspicious: mag: its median length is 3\.58 uT, not the Earth's field", one) for one in found.notes
+        re.match(r"suspicious: mag: its median norm is 3\.5\d+ uT, which is not the", one) for one in found.notes
     )
     assert (found.up_claims == "unconditional").all()
 
@@ -281,7 +281,7 @@ def test_an_acceleration_that_a_rule_states_is_suspicious(recording, tmp_path):
     path = tmp_path / "centrifuge.toml"
     path.write_text(tomlkit.dumps(rule))
     found = el.ahrs(times, rates, forces, statements=path)
-    assert any(note.startswith("suspicious: acc: its median length is 29") for note in found.notes)
+    assert any(note.startswith("suspicious: acc: its median norm is 29") for note in found.notes)
 
 
 @pytest.mark.parametrize(
@@ -299,10 +299,10 @@ def test_an_acceleration_that_a_rule_states_is_suspicious(recording, tmp_path):
         ({"acc": changed(FORCES, (5, 1), 1e300)}, r"acc\[5, 1\] is 1e\+300, more than 1e\+09"),
         ({"acc": changed(FORCES, (5, 1), np.nan)}, r"acc\[5, 1\] is nan, but other components"),
         ({"acc": changed(FORCES, 5, 0.0)}, r"acc\[5\] is .*without a direction"),
-        ({"acc": FORCES / 9.80665}, r"acc: its median length is 1 m/s\^2, not gravity, .*acc_unit='g'"),
+        ({"acc": FORCES / 9.80665}, r"acc: its median norm is 1 m/s\^2, which is not gravity .*acc_unit='g'"),
         ({"acc": np.full((300, 3), np.nan)}, "acc: no row has numbers"),
         ({"acc": np.full((300, 3), "a")}, "acc: an array of <U1, not of numbers"),
-        ({"mag_unit": "T"}, r"mag: its median length is 44.* T, not the Earth's field, .*mag_unit='uT'"),
+        ({"mag_unit": "T"}, r"mag: its median norm is 44.* T, which is not the Earth's field .*mag_unit='uT'"),
         ({"mag_unit": "tesla"}, "mag_unit: 'tesla' is none of T, mT, G, mG, uT, nT"),
         ({"gyr_unit": "rpm"}, "gyr_unit: 'rpm' is none of rad/s, deg/s"),
         ({"gyr": [[1.0], [1.0, 2.0]]}, "gyr: not an array of numbers"),
@@ -377,7 +377,7 @@ def test_what_is_of_a_wrong_type_is_named(recording, changes, said):
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])
 def test_times_that_are_no_seconds_are_named(factor, unit):
     still = np.ones((2000, 1))
-    with pytest.raises(ValueError, match=rf"time is in s, and its steps are .* s \(median\): are they {unit}\?"):
+    with pytest.raises(ValueError, match=rf"time is in s.*: are they {unit}\?"):
         el.ahrs(0.01 * factor * np.arange(2000), still * [0.0, 0.0, 0.0], still * [0.0, 0.0, 9.81])
 
 
@@ -394,7 +394,7 @@ def test_a_stamp_that_is_no_time(k, time, begin):
 def test_what_contradicts_is_said_in_arguments(recording):
     times, rates, forces, fields, _ = recording
     with pytest.raises(
-        ValueError, match=r"acc: turns .* as if its degrees were declared as radians: gyr_unit='deg/s'\?"
+        ValueError, match=r"acc: turns .* as if its degrees were declared as radians: gyr_unit='deg/s'"
     ) as raised:
         el.ahrs(times, np.rad2deg(rates), forces, fields, mag_unit="uT")
     said = str(raised.value)

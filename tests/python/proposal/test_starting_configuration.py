@@ -16,9 +16,10 @@ from elliptude.configuration import read_configuration, rules
 from elliptude.configuration.rules import hand_held
 from elliptude.io import tables
 from elliptude.io.files import FileError
-from elliptude.proposal import document, proposals
+from elliptude.proposal import proposals
 from elliptude.proposal.gyro import propose_gyro
 from elliptude.proposal.proposals import Recording
+from elliptude.proposal.starting import document
 from elliptude.report import page as report
 from scipy.spatial.transform import Rotation
 from test_proposals import BIAS, FIELD, HEADER, STEP, attitude, made, write_csv

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from elliptude.report import body_axes
+from elliptude.report.axes import body_axes
 from scipy.spatial.transform import Rotation
 
 SETS = {

@@ -9,7 +9,7 @@ from elliptude import cli
 from elliptude.estimation.containment import reach_of_turns
 from elliptude.io.tables import Result
 from elliptude.monitoring import Sets, monitor, widened
-from elliptude.report.run import read_run
+from elliptude.report.estimated.reading import read_run
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 

@@ -12,7 +12,8 @@ from elliptude.io import column_files, tables
 from elliptude.io.files import FileError
 from elliptude.logs.reference_attitudes import Reference
 from elliptude.report import comparison
-from elliptude.report.run import Run, read_run
+from elliptude.report.estimated.reading import read_run
+from elliptude.report.run import Run
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner

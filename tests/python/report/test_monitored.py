@@ -12,7 +12,7 @@ from elliptude.io import column_files, tables
 from elliptude.logs.reference_attitudes import Reference, attitudes_at, has_sample_at
 from elliptude.monitoring import Limits
 from elliptude.report import monitored
-from elliptude.report.run import read_run
+from elliptude.report.estimated.reading import read_run
 from recorders import write_ulog
 from scipy.spatial.transform import Rotation
 from test_proposals import made

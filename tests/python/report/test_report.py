@@ -9,8 +9,9 @@ import sys
 import numpy as np
 import pytest
 from elliptude import cli
-from elliptude.report import curves, sphere
+from elliptude.report import curves
 from elliptude.report import page as report
+from elliptude.report.axes import sphere
 from elliptude.report.run import DroppedMeasurements
 from scipy.spatial.transform import Rotation
 from test_run_figures import angled, full_run

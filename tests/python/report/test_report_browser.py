@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from browsers import chromium, offline, screenshots
 from elliptude.report import page as report
+from elliptude.report.estimated.stored import MeasuredSensor
 from elliptude.report.run import DroppedMeasurements
 from test_run_figures import full_run
 
@@ -37,8 +38,11 @@ def written(tmp_path_factory):
         units=("", "", "m/s^2"),
     )
     used, tilt = (np.arange(50) % 7 > 2).astype(float), np.full(50, 0.08)
-    run = dataclasses.replace(run, listed=listed, prediction_used=used, tilt_bounds=tilt)
-    report.write_report(run, path, "A run with a gap", label="optical attitude")
+    times, swing = run.times, np.linspace(-50.0, 50.0, 50)[:, None] * [1.0, 0.5, -0.9]
+    field = MeasuredSensor("field", "magnetometer", "µT", times, swing, [], np.empty(0))
+    gyro = MeasuredSensor("gyro", "", "deg/s", times, 16.0 * swing, [], np.empty(0))
+    run = dataclasses.replace(run, listed=listed, prediction_used=used, tilt_bounds=tilt, measured=(gyro, field))
+    report.write_report(run, path, "A_run_with_a_gap", label="optical attitude")
     return path
 
 
@@ -158,6 +162,31 @@ def test_on_a_phone_in_the_dark(opened, tmp_path):
     )
     assert len(widths) == 2
     assert max(widths) <= 0  # nothing to scroll
+
+
+@pytest.mark.parametrize(
+    "opened", [{"viewport": {"width": width, "height": 844}} for width in (390, 1200)], indirect=True
+)
+def test_no_title_is_on_a_number(opened):
+    """Nor is a plot narrower than it need be, or a long name broken within a word."""
+    covered = opened.evaluate(
+        "Array.from(document.querySelectorAll('.plot')).flatMap((plot) => {"
+        "  const boxes = (what) => Array.from(plot.querySelectorAll(what)).map((one) => one.getBoundingClientRect());"
+        "  const numbers = boxes('[class$=\"tick\"] text').filter((one) => one.width > 0);"
+        "  return boxes('[class^=\"g-y\"] text').filter((title) => numbers.some((one) => one.left < title.right + 2"
+        "    && title.left < one.right - 1 && one.top < title.bottom - 1 && title.top < one.bottom - 1))"
+        "    .map((one) => [plot.id, one.top]);"
+        "})"
+    )
+    assert covered == []
+    margins = opened.evaluate(
+        "['angles', 'size', 'bands', 'strip', 'measured'].map((id) => document.getElementById(id))"
+        ".filter((plot) => plot.layout).map((plot) => plot._fullLayout._size.l)"
+    )
+    assert len(set(margins)) == 1
+    assert margins[0] <= 95
+    heading = opened.evaluate("document.querySelector('h1').innerHTML")
+    assert (heading, opened.title()) == ("A_<wbr>run_<wbr>with_<wbr>a_<wbr>gap", "A_run_with_a_gap - elliptude")
 
 
 @pytest.mark.parametrize("opened", [{"viewport": {"width": 390, "height": 844}}], indirect=True)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from elliptude.monitoring import Limits, Monitored
 from elliptude.report import figures, run_figures
+from elliptude.report.axes import figure as axes
 from elliptude.results import CLAIMS
 from test_runs import make_run
 
@@ -99,7 +100,7 @@ def pictures_of(run):
         "angles": run_figures.angles_figure(angled(run), "Run"),
         "bands": run_figures.bands_figure(run, "Run"),
         "size": run_figures.size_figure(run, "Run"),
-        "axes": run_figures.axes_figure(run, "Run"),
+        "axes": axes.axes_figure(run, "Run"),
     }
 
 
@@ -155,7 +156,7 @@ def test_size():
 
 def test_axes_are_where_the_attitude_has_them(tmp_path):
     run = full_run()
-    figure = run_figures.axes_figure(run, "Run", times=[0.0, 4.9], label="optical attitude")
+    figure = axes.axes_figure(run, "Run", times=[0.0, 4.9], label="optical attitude")
     assert [axes.get_title() for axes in figure.axes] == ["0.00 s: within 17.2°", "4.90 s: within 17.2°"]
     assert legend_of(figure)[-1] == "optical attitude"
     # At time 0 the body's axes are the reference's, which come out of the sphere at grey dots.
@@ -172,9 +173,9 @@ def test_the_filled_area_is_the_share_of_the_sphere_that_the_axis_may_have():
     for angle in (0.9, 2.2):
         run = make_run(1)
         run.shapes[:] = np.eye(3) * angle**2
-        figure = run_figures.axes_figure(run, "")
+        figure = axes.axes_figure(run, "")
         patches = [patch for patch in figure.axes[0].patches if patch.get_alpha() == 0.35]
-        views = run_figures._view()
+        views = axes._view()
         inside = np.random.default_rng(1).standard_normal((2000, 3))
         inside /= np.linalg.norm(inside, axis=1, keepdims=True)
         inside = inside[inside[:, 2] > 0.15]  # towards the eye, in its axes
@@ -185,7 +186,7 @@ def test_the_filled_area_is_the_share_of_the_sphere_that_the_axis_may_have():
             assert (told == (far < angle))[clear].all()
 
 
-@pytest.mark.parametrize("picture", [run_figures.bands_figure, run_figures.size_figure, run_figures.axes_figure])
+@pytest.mark.parametrize("picture", [run_figures.bands_figure, run_figures.size_figure, axes.axes_figure])
 def test_a_run_of_which_nothing_is_known(tmp_path, picture):
     run = make_run(3)
     for values in (run.quaternions, run.shapes, run.half_widths, run.largest_angles):
@@ -199,15 +200,15 @@ def test_magnified_sets_say_so():
     run = make_run()
     run.shapes[:] *= 0.01
     run.largest_angles[:] *= 0.1
-    figure = run_figures.axes_figure(run, "Run")
+    figure = axes.axes_figure(run, "Run")
     assert figure.get_suptitle() == "Run\nsets and errors drawn 10 times as large"
-    large = run_figures.axes_figure(make_run(), "Run")
+    large = axes.axes_figure(make_run(), "Run")
     assert large.get_suptitle() == "Run"
     # Magnified by 10, sets a tenth as large make the same picture.
     small_patch, large_patch = (one.axes[0].patches[-1].get_path().vertices for one in (figure, large))
     np.testing.assert_allclose(small_patch, large_patch, atol=1e-9)
     run.shapes[:], run.largest_angles[:] = np.eye(3) * 4.0**2, 4.0
-    assert run_figures.axes_figure(run, "Run").axes[0].get_title() == "0.00 s: within 229°, too large to draw"
+    assert axes.axes_figure(run, "Run").axes[0].get_title() == "0.00 s: within 229°, too large to draw"
 
 
 def judged(claims, least, limits):

@@ -8,9 +8,9 @@ import pytest
 from elliptude.io import column_files, tables
 from elliptude.io.files import FileError
 from elliptude.logs.reference_attitudes import Reference
-from elliptude.report import run as runs
 from elliptude.report import thinning
-from elliptude.report.body_axes import axis_outlines
+from elliptude.report.axes.body_axes import axis_outlines
+from elliptude.report.estimated.reading import read_run
 from elliptude.report.run import Refusal, Run
 from elliptude.results import CLAIMS
 from scipy.spatial.transform import Rotation
@@ -52,7 +52,7 @@ def write(folder, columns):
 
 
 def test_a_table_of_the_estimator_of_today(tmp_path):
-    run, label = runs.read_run(write(tmp_path, table_columns(make_run())))
+    run, label = read_run(write(tmp_path, table_columns(make_run())))
     assert label == "truth"
     np.testing.assert_array_equal(run.shapes, make_run().shapes)
     np.testing.assert_array_equal(run.quaternions, make_run().quaternions)
@@ -84,9 +84,9 @@ def test_a_damaged_summary_is_not_passed_over(tmp_path, text):
     write(tmp_path, table_columns(make_run()))
     (tmp_path / "summary.json").write_text(text)
     with pytest.raises(FileError, match=r"summary\.json: damaged, not the summary that `estimate` wrote"):
-        runs.read_run(tmp_path)
+        read_run(tmp_path)
     (tmp_path / "summary.json").unlink()
-    assert runs.read_run(tmp_path)[1] == "truth"
+    assert read_run(tmp_path)[1] == "truth"
 
 
 def test_gaps_claims_and_dropped_sensors(tmp_path):
@@ -101,11 +101,11 @@ def test_gaps_claims_and_dropped_sensors(tmp_path):
     columns["form"] = np.where(np.arange(50) == 30, 1.5, 0.5)
     write(tmp_path, columns)
     (tmp_path / "summary.json").write_text(json.dumps({"compared_with": "optical attitude"}))
-    run, label = runs.read_run(tmp_path)
+    run, label = read_run(tmp_path)
     assert label == "optical attitude"
     assert run.title is None
     (tmp_path / "summary.json").write_text(json.dumps({"compared_with": "optical attitude", "title": "log.csv"}))
-    assert runs.read_run(tmp_path)[0].title == "log.csv"
+    assert read_run(tmp_path)[0].title == "log.csv"
     assert np.flatnonzero(~run.known).tolist() == [20, 21, 22, 23, 24]
     assert [int(run.claimed(claim).sum()) for claim in CLAIMS] == [35, 10, 5]
     assert np.flatnonzero(run.escaped).tolist() == [30]
@@ -150,7 +150,7 @@ def write_guaranteed(folder):
 
 def test_what_the_guaranteed_mode_says_more(tmp_path):
     columns = write_guaranteed(tmp_path)
-    run, label = runs.read_run(tmp_path)
+    run, label = read_run(tmp_path)
     assert label == "camera"
     np.testing.assert_array_equal(run.tilt_bounds, columns["tilt_bound"])
     np.testing.assert_array_equal(run.prediction_used, columns["prediction_used"])
@@ -172,10 +172,10 @@ def test_what_the_guaranteed_mode_says_more(tmp_path):
     assert shares == ["some rows", "every row", "every row", "every row"]
     assert thinning.prediction_shares(np.array([0.0, 0.0, np.nan]), [slice(0, 2), slice(2, 3)]) == ["none", "none"]
     (tmp_path / "dropped.csv").write_text("# elliptude dropped 1\n" + ",".join(DROPPED) + "\n")
-    assert len(runs.read_run(tmp_path)[0].listed.times) == 0
+    assert len(read_run(tmp_path)[0].listed.times) == 0
     (tmp_path / "dropped.csv").write_text("# elliptude dropped 1\n" + ",".join(DROPPED) + "\n1,line 2,a,b,c,\n")
     with pytest.raises(FileError, match=r"dropped\.csv: line 3, column 5 \(margin\): not a number: 'c'"):
-        runs.read_run(tmp_path)
+        read_run(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -191,22 +191,22 @@ def test_what_the_guaranteed_mode_says_more(tmp_path):
 )
 def test_words_that_a_table_may_not_hold(tmp_path, change, message):
     with pytest.raises(FileError, match=message):
-        runs.read_run(write(tmp_path, table_columns(make_run()) | change))
+        read_run(write(tmp_path, table_columns(make_run()) | change))
 
 
 def test_no_table(tmp_path):
     with pytest.raises(FileError, match=r"no results\.csv or results\.parquet"):
-        runs.read_run(tmp_path)
+        read_run(tmp_path)
     with pytest.raises(FileError, match="no such file"):
-        runs.read_run(tmp_path / "nothing.csv")
+        read_run(tmp_path / "nothing.csv")
     measurements = tmp_path / "measurements.csv"
     measurements.write_text("# elliptude measurements 1\ntime_s\n0\n")
     with pytest.raises(FileError, match="a table of measurements, where one of results"):
-        runs.read_run(measurements)
+        read_run(measurements)
     write(tmp_path, table_columns(make_run()))
     column_files.write_columns(tmp_path / "results.parquet", "results", table_columns(make_run()))
     with pytest.raises(FileError, match="name the table"):
-        runs.read_run(tmp_path)
+        read_run(tmp_path)
 
 
 @pytest.mark.parametrize("chart", ["exponential", "gibbs"])

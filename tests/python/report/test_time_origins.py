@@ -14,7 +14,7 @@ from elliptude.io.files import FileError
 from elliptude.logs.conversion import convert_measurements
 from elliptude.logs.reference_attitudes import read_reference
 from elliptude.proposal.mapping import read_recording
-from elliptude.report.run import read_run
+from elliptude.report.estimated.reading import read_run
 from elliptude.view.directions import measured_directions
 from recorders import write_ulog
 from scipy.spatial.transform import Rotation

@@ -27,6 +27,7 @@ from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import apply
 from elliptude.configuration.sensors import Direction, DirectionBase
 from elliptude.estimation import direction_rows, guaranteed_run
+from elliptude.estimation.given import filter_input
 from elliptude.io.toml import validate
 from elliptude.logs import channels
 from elliptude.logs.log import Log
@@ -141,7 +142,7 @@ def ruled_with_velocity(**more):
 
 WEAKENED = {
     "a matrix that undoes itself": (
-        lambda m: smaller(m, gyro_bounds, "_largest_stretch", 0.5),
+        lambda m: smaller(m, gyro_bounds, "largest_stretch", 0.5),
         lambda: configured({"scale_error": 0.05, "anchor_s": 1.0}, *STARS),
     ),
     "a matrix about a window": (
@@ -149,7 +150,7 @@ WEAKENED = {
         lambda: configured({"scale_error": 0.05}, STILL_UP, FIXED),
     ),
     "rates on lines that cone, from row to row": (
-        lambda m: m.setattr(guaranteed_run, "_coning_rate", lambda *_: 0.0),
+        lambda m: m.setattr(filter_input, "_coning_rate", lambda *_: 0.0),
         lambda: configured({}, *STARS),
     ),
     "what rates do between samples": (
@@ -157,7 +158,7 @@ WEAKENED = {
         lambda: configured({"angular_acceleration_deg_per_s2": 2000.0}, *STARS),
     ),
     "errors that the rate makes larger": (
-        lambda m: m.setattr(guaranteed_run, "gyro_flow", _without_scale(guaranteed_run.gyro_flow)),
+        lambda m: m.setattr(filter_input, "gyro_flow", _without_scale(filter_input.gyro_flow)),
         lambda: configured({"scale_error": 0.05}, *STARS),
     ),
     "the place in a window": (
@@ -261,7 +262,7 @@ WEAKENED = {
         lambda: configured({}, FIXED | RARE, STAR, timing={"same_within_s": 0.01}),
     ),
     "a start of attitude and bias": (
-        lambda m: m.setattr(guaranteed_run, "_start", _smaller_set(guaranteed_run._start)),
+        lambda m: m.setattr(guaranteed_run, "first_set", _smaller_set(guaranteed_run.first_set)),
         lambda: configured(
             {"bias_deg_per_s": 0.5, "estimate_bias": True, "known_bias_deg_per_s": [0.3, -2.0, 1.0]},
             FIXED | {"bound_deg": 1e-4},

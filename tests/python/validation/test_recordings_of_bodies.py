@@ -1,5 +1,6 @@
 """Whole recordings of rigid bodies: the truth solves its equation, and what is too small is noticed."""
 
+import dataclasses
 from pathlib import Path
 
 import elliptude
@@ -12,6 +13,7 @@ from elliptude.configuration.estimator import GivenStart
 from elliptude.configuration.motion import RigidBodyFlow
 from elliptude.configuration.sensors import Rate
 from elliptude.estimation import direction_rows, guaranteed_run
+from elliptude.estimation.given import filter_input
 from elliptude.io.files import FileError
 from elliptude.io.toml import validate
 from elliptude.logs import channels
@@ -161,7 +163,7 @@ def started_with(monkeypatch, share):
         found = whole(start)
         return elliptude.StateEllipsoid(found.attitude, found.vector, share * found.shape)
 
-    monkeypatch.setattr(guaranteed_run, "_start", lambda log, given, rows: (build(given.start), False))
+    monkeypatch.setattr(guaranteed_run, "first_set", lambda given, rows: (build(given.start), False))
 
 
 def torques_before_their_row(monkeypatch):
@@ -177,23 +179,23 @@ def torques_before_their_row(monkeypatch):
 
 
 def slower_input(monkeypatch):
-    whole = guaranteed_run._filter_input
+    whole = guaranteed_run.filter_input
 
     def changed(*given):
         found = whole(*given)
-        return guaranteed_run.replace(found, vector_bound=0.8 * found.vector_bound)
+        return dataclasses.replace(found, vector_bound=0.8 * found.vector_bound)
 
-    monkeypatch.setattr(guaranteed_run, "_filter_input", changed)
+    monkeypatch.setattr(guaranteed_run, "filter_input", changed)
 
 
 def wheels_with_less(monkeypatch):
-    whole = guaranteed_run._filter_input
+    whole = guaranteed_run.filter_input
 
     def changed(*given):
         found = whole(*given)
-        return guaranteed_run.replace(found, motion={name: 0.999 * one for name, one in found.motion.items()})
+        return dataclasses.replace(found, motion={name: 0.999 * one for name, one in found.motion.items()})
 
-    monkeypatch.setattr(guaranteed_run, "_filter_input", changed)
+    monkeypatch.setattr(guaranteed_run, "filter_input", changed)
 
 
 RARE = {"time_column": "ts", "time_unit": "s"}
@@ -230,7 +232,7 @@ WEAKENED = {
         lambda: body(WHEELS),
     ),
     "a wheel whose momentum changes": (
-        lambda m: m.setattr(guaranteed_run, "_torque_of_wheels", lambda *_: 0.0),
+        lambda m: m.setattr(filter_input, "_torque_of_wheels", lambda *_: 0.0),
         lambda: body(CONTROL | WHEELS | SLOW),
     ),
     "since when a torque acts": (

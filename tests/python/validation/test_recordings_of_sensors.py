@@ -11,7 +11,8 @@ from elliptude.configuration import configuration as configurations
 from elliptude.configuration import references, rules
 from elliptude.configuration.calibration import AccelerometerCalibration, GyroCalibration, MagnetometerCalibration
 from elliptude.configuration.configuration import Configuration
-from elliptude.estimation import direction_rows, guaranteed_run
+from elliptude.estimation import direction_rows
+from elliptude.estimation.given import filter_input
 from elliptude.io.toml import validate
 from elliptude.logs import channels
 from elliptude.logs.log import read_log
@@ -161,9 +162,9 @@ def matrix_the_wrong_way(monkeypatch):
 
 
 def gyro_with_less_noise(monkeypatch):
-    whole = guaranteed_run.gyro_flow
+    whole = filter_input.gyro_flow
     monkeypatch.setattr(
-        guaranteed_run, "gyro_flow", lambda gyro, flow: whole(dataclasses.replace(gyro, noise=0.8 * gyro.noise), flow)
+        filter_input, "gyro_flow", lambda gyro, flow: whole(dataclasses.replace(gyro, noise=0.8 * gyro.noise), flow)
     )
 
 

@@ -10,7 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 from elliptude import _core
-from elliptude.validation import adversary, judge, plants, trial_kinds, trials
+from elliptude.validation import adversary, judge, plants, thin_starts, trials
 from elliptude.validation.adversary import Case
 from elliptude.validation.questions import ANSWERS
 from elliptude.validation.trial_kinds import KINDS, Trial
@@ -230,7 +230,7 @@ def test_a_thin_set_that_the_filter_takes_for_flat_is_not_drawn():
     draws = np.random.default_rng(4)
     of = KINDS["thin"].plant(plants.plant(Case("pendulum", "three", 7.0, "common", "thin")), draws)
     starts = adversary.draw_starts(of, 1000, draws)
-    thin = trial_kinds._thin_starts(of, starts, np.full(1000, of.bound), np.full(1000, 1e-8), draws)
+    thin = thin_starts.thin_starts(of, starts, np.full(1000, of.bound), np.full(1000, 1e-8), draws)
     flow = elliptude.GuaranteedGyroFlow(1.0)
     for shape in thin.shapes:
         elliptude.GuaranteedFilter(flow, elliptude.StateEllipsoid(np.eye(3), np.zeros(3), shape, "gibbs"))

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 from elliptude import cli, view
-from elliptude.report.run import read_run
+from elliptude.report.estimated.reading import read_run
 from scipy.spatial.transform import Rotation
 from test_run_figures import angled, full_run
 from test_runs import make_run
@@ -201,10 +201,12 @@ def test_small_sets_are_magnified_and_the_notes_say_so(tmp_path):
 
 def test_the_notes_say_what_sets_rest_on(tmp_path):
     run = dataclasses.replace(make_run(3), implausible=("up is down",), bounds_from_recording="hand.csv")
+    run = dataclasses.replace(run, suspicious=("a gyro in degrees",))
     run = dataclasses.replace(run, why_not_measured="measured.csv is damaged")
     view.write_view(run, tmp_path / "view.rrd", "Run")
     ((notes,),) = Recording(tmp_path / "view.rrd").column("/notes", "TextDocument:text", is_static=True)
     assert "Implausible, gone on regardless:** up is down" in notes
+    assert "Suspicious:** a gyro in degrees" in notes
     assert "no guarantee:** their bounds are proposals from hand.csv" in notes
     assert "Drawn are curves at all rows" in notes
     assert "Not drawn:** measured.csv is damaged" in notes

@@ -9,7 +9,8 @@ from elliptude import cli, view
 from elliptude.configuration.configuration import read_configuration
 from elliptude.io.files import FileError
 from elliptude.io.spool import recording
-from elliptude.report.run import magnification_to, read_run
+from elliptude.report.estimated.reading import read_run
+from elliptude.report.run import magnification_to
 from elliptude.view import directions, stream
 from typer.testing import CliRunner
 

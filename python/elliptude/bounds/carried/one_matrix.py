@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from elliptude.bounds.carried.second_order import ROUNDED_NORM, SecondOrder, crossed
 from elliptude.bounds.carried.steady_bias import SteadyBias
-from elliptude.bounds.gyro import GyroBounds, scale_effects
+from elliptude.bounds.gyro import GyroBounds
+from elliptude.bounds.matrix_effects import scale_effects
 from elliptude.bounds.turns import lengths_of, running_sum
 from elliptude.bounds.window_averages import Average, Piece, RunningIntegrals, Window
 from elliptude.typing import FloatArray

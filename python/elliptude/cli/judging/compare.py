@@ -20,7 +20,7 @@ from elliptude.io.spool import recording
 from elliptude.logs.quaternion_readings import not_as_declared, readings_of
 from elliptude.logs.reference_attitudes import read_reference
 from elliptude.report import comparison
-from elliptude.report.run import files_of_run, read_run
+from elliptude.report.estimated.reading import files_of_run, read_run
 
 # s; a shorter time between two attitudes than rows have between them, and a longer one than a recording lasts.
 _SHORTEST_DELTA_S, _LONGEST_DELTA_S = 1e-3, 1e6

@@ -28,8 +28,9 @@ from elliptude.logs.reference_attitudes import Reference, read_reference
 from elliptude.monitoring import Limits, Monitored
 from elliptude.monitoring.monitor import Heading
 from elliptude.report import comparison, monitored
+from elliptude.report.estimated.reading import files_of_run, read_run
 from elliptude.report.monitored import GroundFrame
-from elliptude.report.run import Run, files_of_run, read_run
+from elliptude.report.run import Run
 from elliptude.results import CLAIMS
 from elliptude.typing import FloatArray
 

@@ -13,7 +13,8 @@ from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow, RigidBodyFlow
 from elliptude.estimation import gaps
 from elliptude.estimation.best.multiplicative_filter import MultiplicativeFilter
-from elliptude.estimation.guaranteed_run import GuaranteedRun, used_rates
+from elliptude.estimation.given.filter_input import used_rates
+from elliptude.estimation.guaranteed_run import GuaranteedRun
 from elliptude.typing import FloatArray
 
 # Nothing is taken to be known better than this, rad and rad/s.

@@ -15,7 +15,8 @@ import numpy as np
 import elliptude
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import Question
-from elliptude.estimation.guaranteed_run import FilterInput, GuaranteedRun, filter_of
+from elliptude.estimation.given.filter_input import FilterInput
+from elliptude.estimation.guaranteed_run import GuaranteedRun, filter_of
 from elliptude.results import GuaranteedLog, Interval
 from elliptude.typing import FloatArray
 

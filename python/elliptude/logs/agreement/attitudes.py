@@ -7,7 +7,7 @@ import scipy
 
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.sensors import AnyDirection
-from elliptude.logs.agreement.findings import FACTORS, Finding, Severity, spread_rows, unit_vectors
+from elliptude.logs.agreement.findings import FACTORS, Finding, Severity, like, spread_rows, unit_vectors
 from elliptude.logs.agreement.turns import Turns
 from elliptude.logs.axes.stated import Stated
 from elliptude.logs.log import Log
@@ -38,9 +38,9 @@ def reference_attitude(log: Log, turns: Turns, configuration: Configuration, sta
         severity: Severity = "error" if stated.quotient_of_truth(log) > 1.0 else "warning"
         if found.fitting is not None:
             return Finding(severity, label, f"{what}, and as far when read {found.fitting}")
-        for factor, meaning in FACTORS.items():
+        for factor in FACTORS:
             if LEAST <= found.slope / factor <= MOST:
-                return Finding(severity, label, f"{what}: of the rate, {meaning}")
+                return Finding(severity, label, f"{what}: of the rate, {like(factor, configuration)}")
         return Finding("warning", label, f"{what}: are its order, its direction and the axes right?")
     return _reference_against_directions(log, configuration)
 

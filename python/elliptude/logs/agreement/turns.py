@@ -14,8 +14,8 @@ import numpy as np
 
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
-from elliptude.configuration.sensors import Accelerometer, AnyDirection
-from elliptude.logs.agreement.findings import FACTORS, Finding, Severity, spread_rows, unit_vectors
+from elliptude.configuration.sensors import Accelerometer
+from elliptude.logs.agreement.findings import FACTORS, Finding, Severity, like, spread_rows, unit_vectors, write
 from elliptude.logs.axes.stated import Stated
 from elliptude.logs.log import Log
 from elliptude.logs.quaternion_readings import FEWEST_PAIRS, LARGEST_TURN, LEAST, MOST, STANDARD_ERROR, slope
@@ -116,9 +116,10 @@ def _rate_errors(times: FloatArray, rates: FloatArray, configuration: Configurat
 
 
 def gyro_against_direction(
-    log: Log, turns: Turns, i: int, sensor: AnyDirection
+    log: Log, turns: Turns, i: int, configuration: Configuration
 ) -> Finding | Literal["confirmed", "unknown"]:
     """What the changes of a direction say of the rates: that they fit, nothing, or what is wrong."""
+    sensor = configuration.directions[i]
     name = sensor.name
     there = np.flatnonzero(np.isfinite(log.directions[:, i, 0]))
     is_accelerometer = isinstance(sensor, Accelerometer)
@@ -153,10 +154,15 @@ def gyro_against_direction(
         beside = _beside_bias(changes, predicted, middles * (ends - begins)[:, None])
         if beside is not None:
             return beside
-    for factor, meaning in FACTORS.items():
+    for factor in FACTORS:
         other, other_error = times_as_far(factor)
         if other_error < STANDARD_ERROR and LEAST <= other <= MOST:
-            return WrongUnit("error", name, f"turns {factor * other:.3g} times as far as the rate says, {meaning}")
+            what = f"turns {factor * other:.3g} times as far as the rate says"
+            return WrongUnit("error", name, f"{what}, {like(factor, configuration)}")
+    if (sizes < LARGEST_TURN).all() and getattr(configuration.flow, "unit", "") == "rad/s":
+        mean = float(np.linalg.norm(turn.sum(axis=0)) / (ends - begins).sum())
+        if said := _at_rest_in_degrees(changes, predicted, middles * (ends - begins)[:, None], mean):
+            return WrongUnit("error", name, said)
     if error >= STANDARD_ERROR:
         return "unknown"
     severity: Severity = "warning" if is_accelerometer else "error"
@@ -168,6 +174,16 @@ def gyro_against_direction(
     if abs(value) < 0.1:
         return Finding(severity, name, f"does not turn ({value:.2g} times) as the rate says: units or axes do not fit")
     return Finding("warning", name, f"turns {value:.2g} times as far as the rate says: are units and axes right?")
+
+
+def _at_rest_in_degrees(changes: FloatArray, predicted: FloatArray, lasting: FloatArray, mean: float) -> str:
+    """What is said of a mean rate, rad/s, that is too large for a bias and would be one in deg/s; else empty."""
+    if mean <= _LARGEST_BIAS or _beside_bias(changes, math.pi / 180.0 * predicted, lasting) is None:
+        return ""
+    return (
+        f"does not turn as the rate says, {math.degrees(mean):.3g} deg/s in the mean; in deg/s that would be "
+        f"{mean:.3g} deg/s, as a bias may be: {write('flow.unit', 'deg/s')}"
+    )
 
 
 def _beside_bias(

@@ -20,7 +20,7 @@ from elliptude.configuration.estimator import FirstMeasurementStart, GivenStart
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import after_rest, rest_at_start
 from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer
-from elliptude.configuration.statements import AccelerationBound, FieldBound, VelocityWindowBound
+from elliptude.configuration.statements import AccelerationBound, FieldBound, RestPhase, VelocityWindowBound
 from elliptude.logs.axes import sensor_axes
 from elliptude.logs.axes.sensor_axes import AngleMisfit, RatesBeside, VectorStatement
 from elliptude.logs.log import Log
@@ -143,7 +143,12 @@ class Stated:
             longest = longest_interval_of(np.diff(samples), self._longest_interval())
             return vectors, self._force(sensor, offset, moved, longest)
         assert isinstance(sensor, Magnetometer)
-        return vectors / _MICROTESLA, self._field(sensor, offset, moved, vectors / _MICROTESLA)
+        statement = self._field(sensor, offset, moved, vectors / _MICROTESLA)
+        if self._configuration.rule is None and moved == 0.0 and not isinstance(sensor.reference, RestPhase):
+            # What the strength may be off by is among what the world adds.
+            first = int(np.argmax(np.isfinite(log.references[:, i]).all(axis=1)))
+            statement = replace(statement, length=float(np.linalg.norm(log.references[first, i])) / _MICROTESLA)
+        return vectors / _MICROTESLA, statement
 
     # --- the gyro -----------------------------------------------------------------------------------------------------
 

@@ -54,7 +54,7 @@ def measured_plot(run: Run, margin: float = 0.0) -> dict[str, Any]:
             is_first = all(trace["name"] != LEFT_OUT for trace in traces)
             traces.append(_marks(sensor, bottom) | {"xaxis": "x", "yaxis": y, "showlegend": is_first})
         shapes += [_shade(f"{y} domain", begin, end) for begin, end in sensor.gaps]
-        title = {"text": "<br>".join(map(escape, heading_of(sensor))), "font": {"size": 11}}
+        title = {"text": "<br>".join(map(escape, heading_of(sensor))), "font": {"size": 11}, "standoff": 4}
         layout["yaxis" + y[1:]] = {"title": title}
     layout["shapes"] = shapes
     layout["margin"]["l"] = max(margin, _LEAST_MARGIN)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.report.body_axes import axis_patches
+from elliptude.report.axes.body_axes import axis_patches
 from elliptude.report.curves import plot_layout
 from elliptude.report.run import Run
 from elliptude.report.run_figures import AXIS_COLOURS, claim_label, time_text

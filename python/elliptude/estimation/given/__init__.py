@@ -1,0 +1,1 @@
+"""What the guaranteed filter is given: where it begins, and row by row."""

@@ -1,0 +1,1 @@
+"""A configuration to start from: as a whole, sensor by sensor, as TOML."""

@@ -1,0 +1,1 @@
+"""Where the body's axes may point, on the sphere of directions."""
