@@ -570,6 +570,36 @@ TEST_CASE("a prediction that nothing improves is returned unchanged") {
   CHECK(result.contradiction == Fusion6::none);
 }
 
+TEST_CASE("no step makes a multiplier negative, whatever rounding makes of it") {
+  // Multipliers and constraints of any size: ∇²F has rank two, and is not even semidefinite after rounding. Some of these steps made
+  // one negative before the end of a step saw to it.
+  Random random(61);
+  using Step = detail::MultiplierStep<double>;
+  for (int i = 0; i < 200000; ++i) {
+    const std::size_t count = 2 + static_cast<std::size_t>(i % 7);
+    Step step(count);
+    Step::Multipliers multipliers;
+    std::array<Eigen::Vector2d, 8> rows;
+    for (std::size_t k = 0; k < count; ++k) {
+      multipliers[k] = random.log_uniform(1e-13, 1e-7);
+      rows[k] = random.log_uniform(1e-6, 1e12) * random.normal_matrix<2>();
+      step.gradient[k] = random.log_uniform(1e-12, 1e12) * (random.uniform(0, 1) < 0.5 ? -1 : 1);
+      for (std::size_t j = 0; j <= k; ++j) {
+        step.hessian[k * Step::most + j] = rows[k].dot(rows[j]);
+      }
+    }
+    if (!step.find(multipliers, 0)) {
+      continue;
+    }
+    Step::Multipliers next;
+    step.put_end(multipliers, next);
+    CAPTURE(i);
+    for (std::size_t k = 0; k < count; ++k) {
+      REQUIRE(next[k] >= 0.0099 * multipliers[k]);
+    }
+  }
+}
+
 TEST_CASE("a fusion reports the steps of its search and whether they were all that it may take") {
   const auto criterion = SizeCriterion<double, 3>::volume();
   const Ellipsoid<double, 3> ball{Vector3<double>::Zero(), Matrix3<double>::Identity()};

@@ -95,13 +95,16 @@ class MultiplierStep {
     return slope_ < Scalar(0) && gain_ > scalar::constant<Scalar>(0.9L) * accuracy;  // F is not quite its model
   }
 
-  /// The multipliers at the end of the step. The first time each that grows does so as if ∂F were linear in 1/μ, as it is
+  /// The multipliers at the end of the step, each positive whatever rounding made of the step: a sum with a negative one is
+  /// no bound, and proves nothing. The first time each that grows does so as if ∂F were linear in 1/μ, as it is
   /// where a constraint is all that bounds a coordinate: from μ and Δμ to μ²/(μ − Δμ), and no more than as far again.
   ELLIPTUDE_OUT_OF_LINE void put_end(const Multipliers& from, Multipliers& next) const noexcept {
     const Scalar half = scalar::constant<Scalar>(0.5L);
     for (std::size_t k = 0; k < count_; ++k) {
       const Scalar move = length_ * move_[k];
-      next[k] = from[k] + move;
+      const Scalar end = from[k] + move;
+      const Scalar least = from[k] - most_fall_ * from[k];
+      next[k] = end > least ? end : least;  // also where it is no number
       if (failures_ == 0 && move > Scalar(0)) {
         next[k] += move < half * from[k] ? Scalar(move * move / (from[k] - move)) : Scalar(half * from[k]);
       }
@@ -198,7 +201,8 @@ class MultiplierStep {
       for (std::size_t k = 0; k < count_; ++k) {
         const Scalar way = move_[k] - reached[k];
         if (!at_bound_[k] && reached[k] + share * way < lowest_[k]) {
-          share = (lowest_[k] - reached[k]) / way;
+          const Scalar left = (lowest_[k] - reached[k]) / way;
+          share = left > Scalar(0) ? left : Scalar(0);  // rounding may have taken it beyond
           met = k;
         }
       }
