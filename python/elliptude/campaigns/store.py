@@ -31,14 +31,14 @@ class Store:
 
     def keep(self, block: Block, result: BlockResult) -> None:
         """Write a block, whole or not at all; the same block again replaces itself."""
+        # First, so that each block that is there was timed; a line of a block that was lost is replaced with it.
+        with (self.folder / TIMINGS).open("a", encoding="utf-8", newline="") as timings:
+            told = (f"{result.cpu_s:.6f}", f"{result.wall_s:.6f}", f"{result.began:.6f}", result.worker)
+            csv.writer(timings, lineterminator="\n").writerow((block.path, block.count, *told))
         file = self.file(block)
         file.parent.mkdir(parents=True, exist_ok=True)
         with replacing(file) as temporary:
             temporary.write_bytes(result.file)
-        # No result rests on it: a line that is lost, or of a block that was lost, costs nothing.
-        with (self.folder / TIMINGS).open("a", encoding="utf-8", newline="") as timings:
-            told = (f"{result.cpu_s:.6f}", f"{result.wall_s:.6f}", f"{result.began:.6f}", result.worker)
-            csv.writer(timings, lineterminator="\n").writerow((block.path, block.count, *told))
 
     def timings(self) -> dict[str, tuple[int, float]]:
         """Seeds and time of a processor, s, of each block that was timed."""

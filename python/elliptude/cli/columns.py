@@ -178,6 +178,9 @@ def in_words(tables: Tables) -> list[str]:
 def in_options(said: str) -> str:
     """What to write in a configuration, as what to say by an option of `bounds`."""
     for name, option in (("up", "--accelerometer-unit"), ("field", "--magnetometer-unit")):
-        said = re.sub(rf'((?:^|[ ;:]){name}: [^"]*)write unit = "([^"]+)"', rf"\1say {option} \2", said)
+        # Up to the next sensor.
+        own = r'(?:(?!; (?:up|field|rate|the gyro): )[^"])*'
+        said = re.sub(rf'((?:^|[ ;:]){name}: {own})write unit = "([^"]+)"', rf"\1say {option} \2", said)
+    said = said.replace(" normalized, and in unit_ut ", " normalized, and by --field-ut ")
     said = re.sub(r'write flow\.unit = "([^"]+)"', r"say --gyro-unit \1", said)
     return re.sub(r'write time_unit = "([^"]+)"', r"say --time-unit \1", said)

@@ -172,13 +172,17 @@ def _in_arguments(said: str) -> str:
     for name, argument in _ARGUMENTS.items():
         said = said.replace(f"'{name}'", argument)
         said = re.sub(rf"(^|; |Suspicious: ){name}: ", rf"\1{argument}: ", said)
-        said = re.sub(rf'({argument}: [^"]*): write unit = "([^"]+)"', rf"\1: {argument}_unit='\2'", said)
+        # Up to the next sensor.
+        own = r'(?:(?!; (?:up|field|the gyro|acc|mag|gyr): )[^"])*'
+        said = re.sub(rf'({argument}: {own}): write unit = "([^"]+)"', rf"\1: {argument}_unit='\2'", said)
+    normalized = "mag_unit='normalized', and in unit_ut how many µT 1 is"
+    said = said.replace(normalized, "mag_unit='uT', and multiply mag by the field of the place in µT")
     said = re.sub(r'write flow\.unit = "([^"]+)"', r"gyr_unit='\1'", said)
     for unit, name in _TIMES.items():
         of_steps, of_turns = f'; it would be in {unit}: write time_unit = "{unit}"', f'write time_unit = "{unit}"'
         asked = f"time is in s: are they {name}?"
         said = said.replace(of_steps, f"; {asked}").replace(of_turns, asked)
-    return said
+    return said.replace("?.", "?")
 
 
 def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any]) -> tuple[ArrayLog, Tables]:

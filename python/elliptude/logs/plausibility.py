@@ -3,6 +3,7 @@
 The checks themselves are in `agreement` and `axes`; here they are put together, for a log piece by piece.
 """
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -225,7 +226,8 @@ def _sizes(log: Log, configuration: Configuration, stated: Stated) -> list[Findi
     ]
     counted = {sensor.name for sensor in configuration.directions if length_counts(sensor, configuration)}
     of_statements = [one for one in suspicions.of_units(configuration) if one.sensor in counted]
-    proved = [one for one in of_statements if stated.quotient(log, one.sensor) > 1.0]
+    # An infinite one is of another reason: a rest that is missing, or samples further apart than stated.
+    proved = [one for one in of_statements if 1.0 < stated.quotient(log, one.sensor) < math.inf]
     return sizes + [OddSize("error", one.sensor, one.message) for one in proved]
 
 

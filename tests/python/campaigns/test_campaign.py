@@ -1,5 +1,6 @@
 """Campaigns: the same numbers whoever works, kept through every kind of interruption, and right."""
 
+import csv
 import json
 import os
 import resource
@@ -7,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+import types
 from concurrent.futures import ThreadPoolExecutor
 
 import elliptude as el
@@ -308,6 +310,21 @@ def test_an_interrupted_campaign_goes_on(tmp_path, long_campaign, how):
     assert resumed.returncode == 0, errors
     assert all("so far" in line for line in errors.splitlines())
     assert_undisturbed(long_campaign, out)
+
+
+def test_a_block_that_is_there_was_timed(tmp_path, monkeypatch):
+    """Whenever the process ends: else what a campaign that goes on says of its cost is of fewer blocks than it has."""
+    plan = read_plan(settings())
+    block = next(iter(plan.blocks()))
+
+    def ended(*_, **__):
+        raise KeyboardInterrupt
+
+    with store.open_store(tmp_path / "out", plan) as opened:
+        monkeypatch.setattr(csv, "writer", ended)
+        with pytest.raises(KeyboardInterrupt):
+            opened.keep(block, types.SimpleNamespace(file=b"", cpu_s=1.0, wall_s=1.0, began=0.0, worker="1"))
+        assert not opened.file(block).exists()
 
 
 def test_a_full_disk_ends_a_campaign_that_goes_on_later(tmp_path, long_campaign):

@@ -374,6 +374,24 @@ def test_what_is_of_a_wrong_type_is_named(recording, changes, said):
         el.ahrs(**arguments)
 
 
+@pytest.mark.parametrize("statements", ["hand", "recording"])
+def test_a_strong_field_that_is_the_same_everywhere_is_no_wrong_unit(recording, statements):
+    """860 µT, as in a coil: disturbances are counted from the field of the rest, and no other unit explains it."""
+    times, rates, forces, fields, _ = recording
+    result = el.ahrs(times, rates, forces, 860.0 / np.hypot(20.0, 40.0) * fields, mag_unit="uT", statements=statements)
+    assert not any("counts too little" in note for note in result.notes)
+
+
+def test_a_unit_is_asked_of_its_own_sensor(recording):
+    """No unit explains the accelerometer's length, and one explains the magnetometer's."""
+    times, rates, forces, fields, _ = recording
+    with pytest.raises(ValueError, match="mag: its median norm") as error:
+        el.ahrs(times, rates, 0.3 * forces, fields)
+    assert "acc: its median norm" in str(error.value)
+    assert "mag_unit='uT'" in str(error.value)
+    assert "acc_unit=" not in str(error.value)
+
+
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])
 def test_times_that_are_no_seconds_are_named(factor, unit):
     still = np.ones((2000, 1))

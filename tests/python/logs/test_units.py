@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import tomlkit
 from elliptude import cli
+from elliptude.cli import columns
 from elliptude.configuration.configuration import read_configuration
 from elliptude.logs.agreement.sizes import odd_step
 from test_proposals import STEP, made
@@ -121,7 +122,7 @@ def in_options(said):
     """As `bounds` says it whose options name columns and units."""
     said = said.replace("write flow.unit =", "say --gyro-unit").replace("write time_unit =", "say --time-unit")
     option = "--accelerometer-unit" if "m/s" in said else "--magnetometer-unit"
-    return said.replace("write unit =", f"say {option}").replace('"', "")
+    return said.replace("write unit =", f"say {option}").replace('"', "").replace("in unit_ut", "by --field-ut")
 
 
 def assert_said(said, output):
@@ -170,6 +171,11 @@ def test_bounds_refuse_what_their_user_states(tmp_path):
         (tmp_path / "new.toml").unlink()
 
 
+def test_options_ask_for_the_unit_of_their_own_sensor():
+    said = columns.in_options('up: it is not gravity; field: it would be in nT: write unit = "nT"')
+    assert said == "up: it is not gravity; field: it would be in nT: say --magnetometer-unit nT"
+
+
 @pytest.mark.parametrize("name", ODD)
 @pytest.mark.parametrize("bounds", ["rule", "sensor", "angle", "first"])
 def test_estimate_and_check(tmp_path, name, bounds):
@@ -197,6 +203,8 @@ def test_ahrs(name):
     argument = "mag" if "field" in said or "normalized" in said else "acc"
     said = said.replace("up: ", "acc: ").replace("field: ", "mag: ").replace("the gyro: ", "gyr: ")
     said = said.replace("write unit = ", f"{argument}_unit=").replace("write flow.unit = ", "gyr_unit=")
+    normalized = 'mag_unit="normalized", and in unit_ut how many µT 1 is'
+    said = said.replace(normalized, 'mag_unit="uT", and multiply mag by the field of the place in µT')
     said = said.replace('in ms: write time_unit = "ms"', r"time is in s: are they milliseconds\?")
     said = said.replace('in us: write time_unit = "us"', r"time is in s: are they microseconds\?").replace('"', "'")
     for statements in ("hand", "recording"):
