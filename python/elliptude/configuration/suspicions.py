@@ -150,12 +150,17 @@ def of_units(configuration: Configuration) -> list[Suspicion]:
     return found
 
 
-def _of_gravity(sensor: Accelerometer, configuration: Configuration) -> list[Suspicion]:
+def stated_gravity(sensor: Accelerometer, configuration: Configuration) -> float:
+    """What is stated of gravity, m/s²: by the rule, if there is one."""
     rule = configuration.rule
-    gravity = sensor.gravity_m_per_s2 if rule is None else rule.rule().accelerometer.gravity_m_per_s2
+    return sensor.gravity_m_per_s2 if rule is None else rule.rule().accelerometer.gravity_m_per_s2
+
+
+def _of_gravity(sensor: Accelerometer, configuration: Configuration) -> list[Suspicion]:
+    gravity = stated_gravity(sensor, configuration)
     if _LEAST_GRAVITY <= gravity <= _MOST_GRAVITY:
         return []
-    key = "gravity_m_per_s2" if rule is None else "rule.accelerometer.gravity_m_per_s2"
+    key = "gravity_m_per_s2" if configuration.rule is None else "rule.accelerometer.gravity_m_per_s2"
     said = f"{key} = {gravity:g} is not that of the Earth, {_LEAST_GRAVITY:g} to {_MOST_GRAVITY:g} m/s²"
     in_g = f"; as a number in g it would be: write {key} = {gravity * STANDARD_GRAVITY:.5g}"
     fits = _LEAST_GRAVITY <= gravity * STANDARD_GRAVITY <= _MOST_GRAVITY

@@ -13,6 +13,7 @@ from elliptude import units
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer
+from elliptude.configuration.suspicions import stated_gravity
 from elliptude.logs.agreement.fields import voids_statements
 from elliptude.logs.agreement.findings import Finding, Severity, in_the_unit, unit_of_time, write
 from elliptude.logs.log import Log
@@ -81,7 +82,7 @@ def odd_length(vectors: FloatArray, sensor: AnyDirection, configuration: Configu
         return ""
     median = _median(vectors)
     if isinstance(sensor, Accelerometer):
-        return _odd_force(median, sensor, _gravity(sensor, configuration))
+        return _odd_force(median, sensor, stated_gravity(sensor, configuration))
     return _odd_unit_field(median / sensor.tesla) if sensor.unit == "normalized" else _odd_field(median, sensor)
 
 
@@ -124,12 +125,6 @@ def _of_rates(configuration: Configuration) -> tuple[str, units.AngularVelocityU
     if isinstance(configuration.flow, GyroFlow):
         return "the gyro", configuration.flow.unit
     return "rate", "rad/s" if configuration.rate is None else configuration.rate.unit
-
-
-def _gravity(sensor: Accelerometer, configuration: Configuration) -> float:
-    """What is stated of gravity, m/s²."""
-    rule = configuration.rule
-    return sensor.gravity_m_per_s2 if rule is None else rule.rule().accelerometer.gravity_m_per_s2
 
 
 def _covers(configuration: Configuration, step: float) -> bool:
