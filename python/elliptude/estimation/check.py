@@ -252,9 +252,10 @@ def _hardly_odd(median: float, sensor: AnyDirection) -> str:
         return ""
     if units.WEAKEST_FIELD_UT <= median / units.FIELD["uT"] <= units.STRONGEST_FIELD_UT:
         return ""
+    least, most = (units.FIELD["uT"] * one / sensor.tesla for one in (units.WEAKEST_FIELD_UT, units.STRONGEST_FIELD_UT))
     return (
         f"its median norm is {median / sensor.tesla:.4g} {sensor.unit}, which is not the Earth's field "
-        f"({units.WEAKEST_FIELD_UT:g} to {units.STRONGEST_FIELD_UT:g} µT)"
+        f"({least:.3g} to {most:.3g} {sensor.unit})"
     )
 
 
