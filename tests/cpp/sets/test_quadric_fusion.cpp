@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "elliptude/measurement/quadrics.hpp"
@@ -571,8 +572,8 @@ TEST_CASE("a prediction that nothing improves is returned unchanged") {
 }
 
 TEST_CASE("no step makes a multiplier negative, whatever rounding makes of it") {
-  // Multipliers and constraints of any size: ∇²F has rank two, and is not even semidefinite after rounding. Some of these steps made
-  // one negative before the end of a step saw to it.
+  // Multipliers and constraints of any size: ∇²F has rank two, and is not even semidefinite after rounding. Some of these
+  // steps made one negative before the end of a step saw to it.
   Random random(61);
   using Step = detail::MultiplierStep<double>;
   for (int i = 0; i < 200000; ++i) {
@@ -789,4 +790,18 @@ TEST_CASE("a quadric that cannot be scaled is out of range and no input that is 
   wide.shape *= 1e20;
   CHECK(minimal_intersection(&wide, &sharp, 1, Criterion::volume(), result) == Status::out_of_range);
   CHECK(result.margin == 3);
+}
+
+TEST_CASE("a combination with a multiplier below zero is no bound, whoever asks for it") {
+  // The ball, and three quarters of it less: A is positive definite.
+  detail::ManyQuadrics<double, 2> problem;
+  problem.count = 2;
+  for (std::size_t k = 0; k < 2; ++k) {
+    problem.constraints[k].constrain_all(
+        2, [] { return Quadric<double, 2>{Eigen::Matrix2d::Identity(), Eigen::Vector2d::Zero(), 1.0}; });
+  }
+  detail::ManyQuadrics<double, 2>::Iterate it;
+  CHECK(problem.combine({1.0, 0.0}, it) == Status::ok);
+  CHECK(problem.combine({1.0, -0.75}, it) == Status::out_of_range);
+  CHECK(problem.combine({1.0, std::numeric_limits<double>::quiet_NaN()}, it) == Status::out_of_range);
 }

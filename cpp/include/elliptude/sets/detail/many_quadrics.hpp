@@ -134,8 +134,13 @@ class ManyQuadrics {
     return sum;
   }
 
-  /// \return `not_positive_definite` if A is not.
+  /// \return `not_positive_definite` if A is not; `out_of_range` of a multiplier below zero, with which the combination
+  /// bounds nothing and proves nothing: whoever searches, a bound rests on what is checked here alone.
   [[nodiscard]] Status combine(const Multipliers& multipliers, Iterate& it) const noexcept {
+    if (!std::all_of(multipliers.begin(), multipliers.begin() + count,
+                     [](const Scalar& mu) { return mu >= Scalar(0); })) {
+      return Status::out_of_range;
+    }
     Matrix<Scalar, N> a;
     Vector<Scalar, N> g;
     sum(multipliers, a, g);

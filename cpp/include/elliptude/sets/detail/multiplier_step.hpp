@@ -95,8 +95,7 @@ class MultiplierStep {
     return slope_ < Scalar(0) && gain_ > scalar::constant<Scalar>(0.9L) * accuracy;  // F is not quite its model
   }
 
-  /// The multipliers at the end of the step, each positive whatever rounding made of the step: a sum with a negative one is
-  /// no bound, and proves nothing. The first time each that grows does so as if ∂F were linear in 1/μ, as it is
+  /// The multipliers at the end of the step, each positive whatever rounding made of the step. The first time each that grows does so as if ∂F were linear in 1/μ, as it is
   /// where a constraint is all that bounds a coordinate: from μ and Δμ to μ²/(μ − Δμ), and no more than as far again.
   ELLIPTUDE_OUT_OF_LINE void put_end(const Multipliers& from, Multipliers& next) const noexcept {
     const Scalar half = scalar::constant<Scalar>(0.5L);
