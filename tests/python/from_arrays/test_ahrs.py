@@ -382,14 +382,48 @@ def test_a_strong_field_that_is_the_same_everywhere_is_no_wrong_unit(recording, 
     assert not any("counts too little" in note for note in result.notes)
 
 
-def test_a_unit_is_asked_of_its_own_sensor(recording):
-    """No unit explains the accelerometer's length, and one explains the magnetometer's."""
+@pytest.mark.parametrize(("factor", "stated", "meant"), [(1.0, "T", "uT"), (1e-6, "uT", "T"), (1e3, "uT", "nT")])
+def test_a_unit_is_asked_of_its_own_sensor(recording, factor, stated, meant):
+    """No unit explains the accelerometer's length, and one explains the magnetometer's, suspicious or refused."""
     times, rates, forces, fields, _ = recording
     with pytest.raises(ValueError, match="mag: its median norm") as error:
-        el.ahrs(times, rates, 0.3 * forces, fields)
+        el.ahrs(times, rates, 0.3 * forces, factor * fields, mag_unit=stated)
     assert "acc: its median norm" in str(error.value)
-    assert "mag_unit='uT'" in str(error.value)
+    assert f"mag_unit='{meant}'" in str(error.value)
     assert "acc_unit=" not in str(error.value)
+
+
+@pytest.mark.parametrize(("gravity", "implausible", "count"), [(1.0, "refuse", 2), (19.0, "ignore", 1)])
+def test_what_a_rule_states_is_named_as_its_file_has_it(recording, tmp_path, gravity, implausible, count):
+    """And once, although the log rules it out and it is odd by itself."""
+    rule = rule_for("hand").model_dump(mode="json", exclude_none=True)
+    rule["accelerometer"]["gravity_m_per_s2"] = gravity
+    path = tmp_path / "rule.toml"
+    path.write_text(tomlkit.dumps(rule))
+    with pytest.raises(ValueError, match=rf"acc: accelerometer\.gravity_m_per_s2 = {gravity:g} is not") as error:
+        el.ahrs(*recording[:4], mag_unit="uT", statements=path, implausible=implausible)
+    assert str(error.value).count("gravity_m_per_s2") == count
+    assert "rule." not in str(error.value)
+
+
+def test_a_reference_that_nobody_stated_is_no_argument(recording):
+    """Without a rest `bounds` makes it of the magnetometer's numbers."""
+    times, rates, forces, fields, _ = (values[400:] for values in recording)
+    with pytest.raises(ValueError, match=r"in nT: mag_unit='nT'.* made of it is 4\.\d+e\+04 µT long") as error:
+        el.ahrs(times, rates, forces, 1e3 * fields, mag_unit="uT", statements="recording")
+    assert "reference_ut" not in str(error.value)
+    assert "is mag_unit right?" in str(error.value)
+
+
+def test_directions_are_called_as_the_arguments_are(recording):
+    """Wherever a message comes from."""
+    times, rates, forces, fields, _ = recording
+    found = el.ahrs(times, rates, 1e3 * forces, fields, mag_unit="uT", statements="recording", implausible="ignore")
+    assert any("'acc' contradicts its own bounds" in note for note in found.notes)
+    assert not any("'up'" in note for note in found.notes)
+    # Tables are those of the commands.
+    assert "up" in found.dropped
+    assert set(" ".join(found.columns["used"]).split()) <= {"up", "field", "east"}
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])

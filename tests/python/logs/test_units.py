@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import tomlkit
 from elliptude import cli
-from elliptude.cli import columns
 from elliptude.configuration.configuration import read_configuration
 from elliptude.logs.agreement.sizes import odd_step
 from test_proposals import STEP, made
@@ -171,9 +170,14 @@ def test_bounds_refuse_what_their_user_states(tmp_path):
         (tmp_path / "new.toml").unlink()
 
 
-def test_options_ask_for_the_unit_of_their_own_sensor():
-    said = columns.in_options('up: it is not gravity; field: it would be in nT: write unit = "nT"')
-    assert said == "up: it is not gravity; field: it would be in nT: say --magnetometer-unit nT"
+def test_options_ask_for_the_unit_of_their_own_sensor(tmp_path):
+    """No unit explains the accelerometer's length, and one explains the magnetometer's."""
+    log = written(tmp_path, arrays({"acc": 0.3, "mag": 1e3}))
+    code, output = run("bounds", log, *named())
+    assert code == 0, output
+    assert "up: its median norm is 2.94" in output
+    assert_said("field: its median norm is 4.*it would be in nT: say --magnetometer-unit nT", output)
+    assert "--accelerometer-unit" not in output
 
 
 @pytest.mark.parametrize("name", ODD)
