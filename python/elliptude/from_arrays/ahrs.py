@@ -178,7 +178,7 @@ def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any])
             raise ValueError(f"{name}_unit: {unit!r} is none of {', '.join(known)}")
         if values is None and name == "mag":
             continue
-        vectors = vectors_of(name, values, len(times), may_be_missing=name != "gyr")
+        vectors = vectors_of(name, values, unit, len(times), may_be_missing=name != "gyr")
         axes = [f"{name}[:, {i}]" for i in range(3)]
         columns |= dict(zip(axes, vectors.T, strict=True))
         named[_KINDS[name]] = axes, unit

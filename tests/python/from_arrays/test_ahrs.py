@@ -294,9 +294,9 @@ def test_an_acceleration_that_a_rule_states_is_suspicious(recording, tmp_path):
         ({"time": "now"}, "time: str, not an array"),
         ({"gyr": RATES[:, :2]}, r"gyr: shape \(300, 2\), not \(300, 3\)"),
         ({"gyr": changed(RATES, (5, 1), np.nan)}, r"gyr\[5, 1\] is nan, but the gyro is needed in every row"),
-        ({"gyr": changed(RATES, (5, 1), np.inf)}, r"gyr\[5, 1\] is inf, more than 1e\+09"),
+        ({"gyr": changed(RATES, (5, 1), np.inf)}, r"gyr\[5, 1\] is inf, more than 1e\+09 rad/s in size"),
         ({"gyr": None}, "gyr: NoneType, not an array"),
-        ({"acc": changed(FORCES, (5, 1), 1e300)}, r"acc\[5, 1\] is 1e\+300, more than 1e\+09"),
+        ({"acc": changed(FORCES, (5, 1), 1e300)}, r"acc\[5, 1\] is 1e\+300, more than 1e\+09 m/s\^2 in size"),
         ({"acc": changed(FORCES, (5, 1), np.nan)}, r"acc\[5, 1\] is nan, but other components"),
         ({"acc": changed(FORCES, 5, 0.0)}, r"acc\[5\] is .*without a direction"),
         ({"acc": FORCES / 9.80665}, r"acc: its median norm is 1 m/s\^2, which is not gravity .*acc_unit='g'"),
@@ -391,6 +391,21 @@ def test_a_unit_is_asked_of_its_own_sensor(recording, factor, stated, meant):
     assert "acc: its median norm" in str(error.value)
     assert f"mag_unit='{meant}'" in str(error.value)
     assert "acc_unit=" not in str(error.value)
+
+
+def test_a_field_that_is_refused_names_its_limit(recording):
+    """As a gyro's, an accelerometer's and every other refusal: argument, value, limit, each with its unit."""
+    times, rates, forces, fields, _ = recording
+    rule = rule_for("hand").magnetometer
+    most = (1.0 + rule.scale_error) * (70.0 + rule.disturbance_ut) + rule.error_ut
+    for factor, unit, number, limit in (
+        (1e3, "uT", "4.47", f"{most:.4g} uT"),
+        (1.0, "T", "44.7", f"{most * 1e-6:.4g} T"),
+    ):
+        said = rf"mag: its median norm is {number}\S* {unit}, .*, and what is stated of its errors in µT counts too "
+        said += rf"little: with the Earth's 70 µT it allows at most {re.escape(limit)}"
+        with pytest.raises(ValueError, match=said):
+            el.ahrs(times, rates, forces, factor * fields, mag_unit=unit)
 
 
 @pytest.mark.parametrize(("gravity", "implausible", "count"), [(1.0, "refuse", 2), (19.0, "ignore", 1)])

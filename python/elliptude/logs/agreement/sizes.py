@@ -16,7 +16,7 @@ from elliptude.configuration.findings.finding import Finding, Key, Remedy, Said,
 from elliptude.configuration.findings.suspicions import stated_gravity
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer
-from elliptude.logs.agreement.fields import voids_statements
+from elliptude.logs.agreement.fields import exceeded_limit
 from elliptude.logs.agreement.wrong_units import of_rates, unit_of_rates, unit_of_time
 from elliptude.logs.log import Log
 from elliptude.typing import FloatArray
@@ -59,10 +59,11 @@ def odd_sizes(log: Log, configuration: Configuration) -> list[OddSize]:
     for i, sensor in enumerate(configuration.directions):
         there = log.directions[np.isfinite(log.directions[:, i, 0]), i]
         if said := odd_length(there, sensor, configuration):
-            is_proved = voids_statements(_median(there), sensor, configuration)
-            said = (said, ", and what is stated of its errors in µT counts too little") if is_proved else said
+            limit = exceeded_limit(_median(there), sensor, configuration)
+            if limit is not None:
+                said = said, f", and what is stated of its errors in µT counts too little: {_allowed(limit, sensor)}"
             severity: Severity = "error" if length_counts(sensor, configuration) else "warning"
-            found.append(OddSize(severity, sensor.name, said, is_proved))
+            found.append(OddSize(severity, sensor.name, said, is_proved=limit is not None))
     if log.rates is None:
         return found
     rates = log.rates[log.has_rate]
@@ -170,6 +171,14 @@ def _odd_field(median: float, sensor: Magnetometer) -> Said:
         normalized = Remedy(Key("magnetometer", "unit"), sensor.unit, "normalized")
         return said, "; a normalized one is about 1: ", normalized
     return said
+
+
+def _allowed(limit: float, sensor: AnyDirection) -> str:
+    """The strongest field (T) that what is stated of a magnetometer allows."""
+    assert isinstance(sensor, Magnetometer)  # of others no field is measured
+    return (
+        f"with the Earth's {units.STRONGEST_FIELD_UT:g} µT it allows at most {limit / sensor.tesla:.4g} {sensor.unit}"
+    )
 
 
 def _odd_unit_field(median: float) -> Said:
