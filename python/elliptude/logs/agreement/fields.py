@@ -11,12 +11,12 @@ _FULL_RANGE = 0.01
 
 
 def exceeded_limit(strength: float, sensor: AnyDirection, configuration: Configuration) -> float | None:
-    """The strongest field (T) that what is stated allows, if one is stronger and would not be in another unit.
+    """The strongest field (T) that what is stated allows, if one is stronger and the Earth's in another unit.
 
-    None for any other: its errors in µT count as much as they are meant to. The sensor shows (I + K) x + e of a field
-    x, which is the Earth's and what is beside it. So with all of that as large as is stated no sample is longer than
-    (1 + k) (B + d) + ε, where the Earth's field B is at most 70 µT. A stronger one that no unit would make the Earth's
-    is that of a magnet or a coil, up to the sensor's full range.
+    Else None. The sensor shows (I + K) x + e of a field x, which is the Earth's and what is beside it. So with all of
+    that as large as is stated no sample is longer than (1 + k) (B + d) + ε, where the Earth's field B is at most 70 µT.
+    A stronger one that no unit would make the Earth's is that of a magnet or a coil, up to the sensor's full range.
+    Where the unit is another, errors in µT count too little.
     """
     if not isinstance(sensor, Magnetometer) or not _is_in_another_unit(strength, sensor):
         return None
