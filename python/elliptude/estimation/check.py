@@ -117,7 +117,9 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
         except FileError as error:
             findings.append(Finding("error", "", str(error)))
         else:
-            findings += plausibility.contradictions(log, configuration)
+            contradictions = plausibility.contradictions(log, configuration)
+            findings += [_suspicious(one) for one in suspicions.of_units(configuration) if one not in contradictions]
+            findings += contradictions
             findings += _start(log, configuration)
             saturation = Saturation(configuration)
             saturation.add(log)
@@ -130,7 +132,9 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
             findings += [*stopped_sensors(samples, log), *stuck.found()]
             up = up_in_log(log, configuration)
             findings += _refused(log, configuration, findings)
-    findings += [_suspicious(one) for one in suspicions.of_configuration(configuration) if one not in findings]
+    said = set(findings)
+    odd_statements = [one for one in suspicions.of_configuration(configuration) if one not in said]
+    findings += [one for one in map(_suspicious, odd_statements) if one not in said]
     reports = [_report(one, configuration) for one in samples]
     odd = {finding.sensor for finding in findings if isinstance(finding, OddSize)}
     findings += [finding for one in samples for finding in _suspicions(one, configuration, odd)]

@@ -133,8 +133,8 @@ def _require_plausible(log: Log, configuration: Configuration, stated: Stated, n
     findings, is_told = _look(log, configuration, stated)
     # Of a size it is enough to hear once, and not of each block again.
     findings = [one for one in findings if not isinstance(one, OddSize) or one.sensor not in heard.of_units]
-    heard.of_units |= {one.sensor: one for one in reversed(findings) if isinstance(one, OddSize)}
     heard.of_units |= {f"stated of {one.sensor}": one for one in suspicions.of_units(configuration)}
+    heard.of_units |= {one.sensor: one for one in reversed(findings) if isinstance(one, OddSize)}
     errors = [finding for finding in findings if finding.severity == "error"]
     # What an accelerometer shows beside gravity turns as it likes: `check` says it, and it means little.
     forces = {sensor.name for sensor in configuration.directions if isinstance(sensor, Accelerometer)}
@@ -185,7 +185,7 @@ def contradictions(log: Log, configuration: Configuration) -> list[Finding]:
 
 
 def _look(log: Log, configuration: Configuration, stated: Stated) -> tuple[list[Finding], bool]:
-    """What was found, and whether the log has moved enough to check its directions and rates.
+    """What was found, causes before what may follow from them, and whether the log has moved enough to tell.
 
     Slopes and choices of axes suggest what is wrong; an error is only what a proof stands beside: means of the
     direction that differ by more than all that is stated allows.
@@ -193,7 +193,7 @@ def _look(log: Log, configuration: Configuration, stated: Stated) -> tuple[list[
     stated.rates(log)  # in the first piece of a recording the bias is known
     turns = Turns(log, configuration)
     by_direction = [gyro_against_direction(log, turns, i, configuration) for i in range(len(configuration.directions))]
-    sizes = _sizes(log, configuration, stated)
+    statements, sizes = _statements(log, configuration, stated), _sizes(log, configuration, stated)
     found = [_if_sure(finding, log, stated) for finding in by_direction if isinstance(finding, Finding)]
     is_confirmed = "confirmed" in by_direction
     of_unit: list[Finding] = [finding for finding in found if isinstance(finding, WrongUnit)]
@@ -202,16 +202,16 @@ def _look(log: Log, configuration: Configuration, stated: Stated) -> tuple[list[
         found = [replace(finding, severity="warning") for finding in found]
     elif of_unit:
         # A rate of another size explains all else that does not turn as it says; axes tried against it show nothing.
-        return of_unit + sizes, False
+        return statements + of_unit + sizes, False
     if not is_confirmed and (stuck := stuck_gyro(log, configuration, stated)) is not None:
-        return [stuck, *sizes], False
+        return [*statements, stuck, *sizes], False
     axes = look_at_axes(log, configuration, stated)
     if axes.wrong:
         # What is sure, with what would be right, comes before what a slope only suggests.
         named = {wrong.sensor for wrong in axes.wrong}
         found = [] if named & {"the gyro", "rate"} else [finding for finding in found if finding.sensor not in named]
         found += [Finding("error" if wrong.is_sure else "warning", wrong.sensor, wrong.said) for wrong in axes.wrong]
-    found += sizes
+    found = statements + found + sizes
     if not any(finding.severity == "error" for finding in found):
         attitude = reference_attitude(log, turns, configuration, stated)
         found += [attitude] if attitude is not None else []
@@ -219,15 +219,17 @@ def _look(log: Log, configuration: Configuration, stated: Stated) -> tuple[list[
 
 
 def _sizes(log: Log, configuration: Configuration, stated: Stated) -> list[Finding]:
-    """Odd sizes of what is measured, and those of what is stated that the log rules out."""
-    sizes: list[Finding] = [
-        one if one.is_proved else _if_sure(one, log, stated) for one in odd_sizes(log, configuration)
-    ]
+    """Odd sizes of what is measured."""
+    return [one if one.is_proved else _if_sure(one, log, stated) for one in odd_sizes(log, configuration)]
+
+
+def _statements(log: Log, configuration: Configuration, stated: Stated) -> list[Finding]:
+    """Odd sizes of what is stated, if the log rules it out."""
     counted = {sensor.name for sensor in configuration.directions if length_counts(sensor, configuration)}
     of_statements = [one for one in suspicions.of_units(configuration) if one.sensor in counted]
     # An infinite one is of another reason: a rest that is missing, or samples further apart than stated.
     proved = [one for one in of_statements if 1.0 < stated.quotient(log, one.sensor) < math.inf]
-    return sizes + [OddSize("error", one.sensor, one.said) for one in proved]
+    return [replace(one, severity="error") for one in proved]
 
 
 def _if_sure(finding: Finding, log: Log, stated: Stated) -> Finding:

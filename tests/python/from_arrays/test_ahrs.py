@@ -408,17 +408,21 @@ def test_a_field_that_is_refused_names_its_limit(recording):
             el.ahrs(times, rates, forces, factor * fields, mag_unit=unit)
 
 
-@pytest.mark.parametrize(("gravity", "implausible", "count"), [(1.0, "refuse", 2), (19.0, "ignore", 1)])
+@pytest.mark.parametrize(
+    ("gravity", "implausible", "count"), [(1.0, "refuse", 2), (1.0, "ignore", 2), (19.0, "ignore", 1)]
+)
 def test_what_a_rule_states_is_named_as_its_file_has_it(recording, tmp_path, gravity, implausible, count):
-    """And once, although the log rules it out and it is odd by itself."""
+    """And once, although the log rules it out and it is odd by itself, before what the log shows because of it."""
     rule = rule_for("hand").model_dump(mode="json", exclude_none=True)
     rule["accelerometer"]["gravity_m_per_s2"] = gravity
     path = tmp_path / "rule.toml"
     path.write_text(tomlkit.dumps(rule))
     with pytest.raises(ValueError, match=rf"acc: accelerometer\.gravity_m_per_s2 = {gravity:g} is not") as error:
         el.ahrs(*recording[:4], mag_unit="uT", statements=path, implausible=implausible)
-    assert str(error.value).count("gravity_m_per_s2") == count
-    assert "rule." not in str(error.value)
+    said = str(error.value)
+    assert said.count("gravity_m_per_s2") == count
+    assert ("acc: its median norm is 9.8" in said.partition("gravity_m_per_s2")[2]) == (gravity == 1.0)
+    assert "rule." not in said
 
 
 def test_a_reference_that_nobody_stated_is_no_argument(recording):

@@ -255,6 +255,24 @@ def test_gravity_in_g(tmp_path):
         assert refused == (bounds == "sensor")
 
 
+@pytest.mark.parametrize("bounds", ["sensor", "angle"])
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_what_is_stated_of_gravity_comes_before_what_follows_from_it(tmp_path, bounds, is_reversed):
+    """Gravity in g, and a field as in a coil: the magnetometer contradicts too, as up is not what it should be."""
+    log = written(tmp_path, arrays({"mag": 20.0}))
+    config = stated(tmp_path, bounds, reference=(0.0, 18e3, -42e3), gravity_m_per_s2=1.0)
+    tables = tomlkit.parse(config.read_text()).unwrap()
+    if is_reversed:
+        tables["directions"].reverse()
+    config.write_text(tomlkit.dumps(tables))
+    for command in (("check", log, config), ("estimate", log, "--config", config, "--out", tmp_path / "out")):
+        _, output = run(*command)
+        said = ["gravity_m_per_s2 = 1 is", "reference_ut is", "up: its median norm is", "field: its median norm is"]
+        places = [output.index(one) for one in said]
+        assert places[0] == min(places), output
+        assert places[1] < min(places[2:]), output
+
+
 def test_degrees_of_a_gyro_at_rest(tmp_path):
     """Its bias of 0.368 deg/s would be 21 deg/s, by which nothing turns."""
     said = 'does not turn as the rate says, 21.* in the mean; in deg/s that would be 0.36.*: {} "?deg/s'

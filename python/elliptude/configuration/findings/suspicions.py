@@ -129,12 +129,14 @@ def of_units(configuration: Configuration) -> list[Finding]:
     Returns
     -------
     list of Finding
+        What is stated of gravity first: if it is wrong, a field may contradict because of it.
     """
     found = []
     for sensor in configuration.directions:
         if isinstance(sensor, Accelerometer):
             found += _of_gravity(sensor, configuration)
-        elif isinstance(sensor, Magnetometer) and sensor.reference_ut is not None:
+    for sensor in configuration.directions:
+        if isinstance(sensor, Magnetometer) and sensor.reference_ut is not None:
             found += _of_reference(sensor, np.asarray(sensor.reference_ut, dtype=np.float64))
     return found
 
