@@ -22,6 +22,8 @@ FLOORS = (
     {"cli"},
 )
 """Folders from the ground up. A module imports from its own folder and from floors below."""
+ON_THE_GROUND = {"results"}
+"""Folders that are part of the ground floor: the package's own modules import from them, and they from these."""
 MOST_FLOORS = 10
 MOST_MODULES = 12
 ALIASES = {"elliptude.physical_bounds"}
@@ -114,7 +116,7 @@ def graph():
 
 def test_every_folder_has_its_floor():
     folders = {file.parent.relative_to(PACKAGE).parts[0] for file in PACKAGE.rglob("*.py") if file.parent != PACKAGE}
-    assert folders == set().union(*FLOORS) - {"elliptude"}
+    assert folders - ON_THE_GROUND == set().union(*FLOORS) - {"elliptude"}
     assert sum(map(len, FLOORS)) == len(set().union(*FLOORS))
 
 

@@ -15,13 +15,14 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude.cli.columns import in_options, state_field, stated_reading, tables_of
+from elliptude.cli.columns import OPTIONS, state_field, stated_reading, tables_of
 from elliptude.cli.columns import in_words as columns_in_words
 from elliptude.cli.options import LOG_HELP, Force, Repair, quantity
 from elliptude.cli.outputs import CONFIGURATION, print_table, require_outputs
 from elliptude.cli.progress import steps
-from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.findings import suspicions
+from elliptude.configuration.findings.finding import KEYS, Finding, Words
 from elliptude.configuration.rules import Carried
 from elliptude.io.files import FileError, replacing, sentence
 from elliptude.io.readers.open import open_log
@@ -203,12 +204,12 @@ def bounds(
     with steps(Console(stderr=True), 4 if configuration.timing.repair else 3) as step:
         repaired, recording, origin = _recorded(source, configuration, step, reference=reference)
         step("Proposing")
-        said = str if config is not None else in_options
-        with _naming(source, configuration, said):
+        words = KEYS if config is not None else OPTIONS
+        with _naming(source, configuration, words):
             proposed = proposals.propose(recording)
         document, starting = None, None
         with suppress(*[FileError] if out is None else []):  # what is not written need not be there
-            with _naming(source, configuration, said):
+            with _naming(source, configuration, words):
                 document = starting_configuration(
                     tables,
                     proposed,
@@ -222,13 +223,15 @@ def bounds(
                 )
             starting = validate(stated_in, document.unwrap(), Configuration)
         step("Looking at the sensors")
-        heard = _look(source, configuration, starting, tables, said, refuse=out is not None or rule is not None)
+        heard = _look(source, configuration, starting, tables, words, refuse=out is not None or rule is not None)
         if out is not None and document is not None:
             _write(out, document)
         if rule is not None:
             _write(rule, rule_document(proposed, margin, source.name, carried))
         ruled = rule_tables(proposed, margin, carried=carried, own_rest=own_rest_of(tables))
-        suspicious = [*_suspicious_in(ruled, recording, carried), *heard.suspicious]
+        implausible = [one.in_words(words) for one in heard.ignored]
+        found = [*_suspicious_in(ruled, recording, carried), *heard.suspicious]
+        suspicious = [one.in_words(words) for one in found]
         no_rule, says = None, list[str]()
         if mode == "guaranteed" and "rule" not in tables:
             no_rule = why_no_rule({"estimator": {"mode": mode}} | tables, ruled, proposed, recording.shared_stamps)
@@ -236,14 +239,14 @@ def bounds(
         up = _up_at_rest(recording, origin, proposed.rest_limits or None)
     if as_json:
         summary = {"log": str(source), "note": _NOTE, "margin": margin} | summarize(proposed)
-        summary |= {"implausible": heard.ignored, "suspicious": suspicious, "repaired": repaired.to_dict()}
+        summary |= {"implausible": implausible, "suspicious": suspicious, "repaired": repaired.to_dict()}
         summary |= {"carried": carried, "statements": statements_of(ruled), "what_they_say": says}
         summary |= {"why_no_rule": no_rule, "up_at_rest": _up_as_json(up)}
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
         return
     for line in repaired.lines():
         typer.secho(line, fg=typer.colors.YELLOW)
-    _say(source, tables, recording, proposed, up, heard.ignored, suspicious)
+    _say(source, tables, recording, proposed, up, implausible, suspicious)
     _say_statements(carried, statements_of(ruled), says)
     _say_no_rule(no_rule, recording, up_alone=is_up_alone(tables))
     typer.echo(_NOTE)
@@ -276,7 +279,7 @@ def _look(
     configuration: Configuration,
     starting: Configuration | None,
     tables: Tables,
-    said: Callable[[str], str],
+    words: Words,
     *,
     refuse: bool,
 ) -> plausibility.Heard:
@@ -286,7 +289,7 @@ def _look(
     is suspicious alone unless its bounds were stated. Where no bounds can be proposed, all that is found is suspicious.
     """
     if starting is None:
-        return plausibility.Heard(suspicious=_suspected(log, configuration, said))
+        return plausibility.Heard(suspicious=_suspected(log, configuration))
     heard = plausibility.Heard()
     regardless = starting.model_copy(update={"implausible": "ignore"})
     with suppress(FileError):  # a log that cannot be estimated may still show how large its errors are
@@ -295,31 +298,31 @@ def _look(
     proposed = [one for name, one in heard.of_units.items() if one in heard.ignored and name not in bounded]
     ignored = [one for one in heard.ignored if one not in proposed]
     if ignored and refuse and starting.implausible == "refuse":
-        raise FileError(said(str(plausibility.ImplausibleError(str(log), ignored, heard.beside(ignored)))))
-    return plausibility.Heard([*map(said, ignored)], suspicious=[*map(said, [*proposed, *heard.suspicious])])
+        raise plausibility.ImplausibleError(str(log), ignored, heard, words)
+    return plausibility.Heard(ignored, suspicious=[*proposed, *heard.suspicious])
 
 
-def _suspicious_in(ruled: RuleTables, recording: Recording, carried: Carried) -> list[str]:
+def _suspicious_in(ruled: RuleTables, recording: Recording, carried: Carried) -> list[Finding]:
     """What is suspicious in a proposed rule, and of how long it is for."""
     numbers, lasted = numbers_of(ruled), float(recording.times[-1] - recording.times[0])
     found = suspicions.of_rule(numbers, stated="proposed", carried=carried)
-    return [*map(str, [*found, *suspicions.of_duration(numbers["gyro"], lasted, carried)])]
+    return [*found, *suspicions.of_duration(numbers["gyro"], lasted, carried)]
 
 
-def _suspected(log: NamedFile, configuration: Configuration, said: Callable[[str], str]) -> list[str]:
+def _suspected(log: NamedFile, configuration: Configuration) -> list[Finding]:
     """What is suspicious in a log of which nothing is stated."""
     with suppress(FileError):
-        return [*map(said, plausibility.suspected(logs.read_pieces(log, configuration), configuration))]
+        return plausibility.suspected(logs.read_pieces(log, configuration), configuration)
     return []
 
 
 @contextmanager
-def _naming(log: NamedFile, configuration: Configuration, said: Callable[[str], str]) -> Iterator[None]:
+def _naming(log: NamedFile, configuration: Configuration, words: Words) -> Iterator[None]:
     """What cannot be proposed is said of the log, with what is suspicious in it."""
     try:
         yield
     except ValueError as error:
-        suspected = _suspected(log, configuration, said)
+        suspected = [one.in_words(words) for one in _suspected(log, configuration)]
         beside = f"{sentence(str(error))} Suspicious: {'; '.join(suspected)}" if suspected else str(error)
         raise FileError(f"{log}: {beside}") from error
 

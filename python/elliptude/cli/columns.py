@@ -3,12 +3,12 @@
 import csv
 import dataclasses
 import os
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import typer
 
+from elliptude.configuration.findings.finding import Remedy, Words
 from elliptude.io.files import FileError
 from elliptude.io.readers.counted import ROW_TIME
 from elliptude.io.readers.open import open_log
@@ -175,12 +175,19 @@ def in_words(tables: Tables) -> list[str]:
     return lines
 
 
-def in_options(said: str) -> str:
-    """What to write in a configuration, as what to say by an option of `bounds`."""
-    for name, option in (("up", "--accelerometer-unit"), ("field", "--magnetometer-unit")):
-        # Up to the next sensor.
-        own = r'(?:(?!; (?:up|field|rate|the gyro): )[^"])*'
-        said = re.sub(rf'((?:^|[ ;:]){name}: {own})write unit = "([^"]+)"', rf"\1say {option} \2", said)
-    said = said.replace(" normalized, and in unit_ut ", " normalized, and by --field-ut ")
-    said = re.sub(r'write flow\.unit = "([^"]+)"', r"say --gyro-unit \1", said)
-    return re.sub(r'write time_unit = "([^"]+)"', r"say --time-unit \1", said)
+class OptionWords(Words):
+    """What the options of `bounds` call the units of columns."""
+
+    def to_state(self, remedy: Remedy) -> str:
+        """Which option to give."""
+        if remedy.key.name not in {"unit", "time_unit"}:
+            return super().to_state(remedy)
+        more = ""
+        if remedy.meant == "normalized":
+            more = ", and by --field-ut how many µT 1 is"
+        elif remedy.stated == "normalized":
+            more = ", without --field-ut"
+        return f"say --{remedy.key.of}-unit {remedy.meant}{more}"
+
+
+OPTIONS = OptionWords()

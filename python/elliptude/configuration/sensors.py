@@ -28,6 +28,7 @@ from elliptude.io.toml import (
     Angle,
     Column,
     Columns,
+    FieldVector,
     Matrix,
     Model,
     NonzeroVector,
@@ -283,7 +284,7 @@ class Magnetometer(DirectionBase):
     unit: units.MagnetometerUnit
     # How many µT a normalized sensor's 1 is, at least: what is stated in µT then covers its errors.
     unit_ut: Annotated[Positive, Field(le=1000.0)] | None = None
-    reference_ut: NonzeroVector | None = None
+    reference_ut: FieldVector | None = None
     reference: Annotated[WorldModel | RestPhase, Field(discriminator="kind")] | None = None
     sensor_error: MagnetometerError = MagnetometerError()
     bound_from: Annotated[AngleBound | FieldBound, Field(discriminator="kind")] | None = None

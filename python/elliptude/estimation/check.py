@@ -1,15 +1,16 @@
 """Looks at a log, sensor by sensor: what is in it, and what in it or in the configuration is or may be wrong."""
 
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from elliptude import units
-from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import FirstMeasurementStart
+from elliptude.configuration.findings import suspicions
+from elliptude.configuration.findings.finding import Finding, Said
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer
 from elliptude.estimation import estimator, gaps
@@ -17,7 +18,6 @@ from elliptude.estimation.direction_rows import direction_rows
 from elliptude.io.files import FileError
 from elliptude.logs import log as logs
 from elliptude.logs import plausibility
-from elliptude.logs.agreement.findings import Finding
 from elliptude.logs.agreement.sizes import OddSize, odd_length, odd_rate
 from elliptude.logs.body_at_rest import UpAtRest, up_in_log
 from elliptude.logs.log import Log, Samples
@@ -75,7 +75,8 @@ class Report:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers and texts, for JSON."""
-        return {"good": self.is_good} | asdict(self)
+        findings = [{"severity": one.severity, "sensor": one.sensor, "message": one.message} for one in self.findings]
+        return {"good": self.is_good} | asdict(replace(self, findings=[])) | {"findings": findings}
 
 
 def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
@@ -116,29 +117,32 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
         except FileError as error:
             findings.append(Finding("error", "", str(error)))
         else:
-            findings += plausibility.contradictions(log, configuration)
+            contradictions = plausibility.contradictions(log, configuration)
+            findings += [_suspicious(one) for one in suspicions.of_units(configuration) if one not in contradictions]
+            findings += contradictions
             findings += _start(log, configuration)
             saturation = Saturation(configuration)
             saturation.add(log)
-            findings += [Finding("warning", "", said) for said in saturation.said()]
+            findings += saturation.found()
             lasted = float(log.times[-1] - log.times[0]) if len(log.times) else 0.0
             too_long = suspicions.of_configured_duration(configuration, lasted)
-            findings += [Finding("warning", one.sensor, f"suspicious: {one.message}") for one in too_long]
+            findings += map(_suspicious, too_long)
             stuck = Stuck(configuration)
             stuck.add(log)
-            silent = stopped_sensors(samples, log) + stuck.said()
-            findings += [Finding("warning", name, said) for name, said in silent]
+            findings += [*stopped_sensors(samples, log), *stuck.found()]
             up = up_in_log(log, configuration)
             findings += _refused(log, configuration, findings)
-    findings += [
-        Finding("warning", one.sensor, f"suspicious: {one.message}")
-        for one in suspicions.of_configuration(configuration)
-        if str(one) not in {str(finding) for finding in findings}
-    ]
+    said = set(findings)
+    odd_statements = [one for one in suspicions.of_configuration(configuration) if one not in said]
+    findings += [one for one in map(_suspicious, odd_statements) if one not in said]
     reports = [_report(one, configuration) for one in samples]
     odd = {finding.sensor for finding in findings if isinstance(finding, OddSize)}
     findings += [finding for one in samples for finding in _suspicions(one, configuration, odd)]
     return Report(reports, findings, up, repaired)
+
+
+def _suspicious(found: Finding) -> Finding:
+    return replace(found, said=("suspicious: ", found.said))
 
 
 def _refused(log: Log, configuration: Configuration, found: list[Finding]) -> list[Finding]:
@@ -219,15 +223,15 @@ def _suspicions(samples: Samples, configuration: Configuration, odd: set[str]) -
     """What is odd about a sensor's samples, unless its size was found to be among those already."""
     found: list[Finding] = []
 
-    def warn(message: str) -> None:
-        found.append(Finding("warning", samples.name, message))
+    def warn(said: Said) -> None:
+        found.append(Finding("warning", samples.name, said))
 
     if not len(samples.times):
         warn("never measured")
         return found
     norms = np.linalg.norm(samples.values, axis=1)
     sensor = next((one for one in configuration.directions if one.name == samples.name), None)
-    said = "" if sensor is None else odd_length(samples.values, sensor, configuration)
+    said: Said = "" if sensor is None else odd_length(samples.values, sensor, configuration)
     if samples.name in {"the gyro", "rate"}:
         said = odd_rate(samples.values, configuration)
     if said and samples.name not in odd:

@@ -14,9 +14,9 @@ import scipy
 from numpy.typing import NDArray
 
 import elliptude
-from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import Question
+from elliptude.configuration.findings import suspicions
 from elliptude.estimation import guaranteed_result
 from elliptude.estimation.best import choice as best_estimates
 from elliptude.estimation.best.choice import Best
@@ -141,9 +141,9 @@ class Summary:
             f"mean_half_width_{vector}_deg_per_s": means[3:].tolist() if self._updates and is_estimated else None,
             "largest_angle_deg": self._largest.to_dict(),
             "bounds_from_recording": configuration.proposed_from,
-            "implausible": list(heard.ignored),
+            "implausible": [*map(str, heard.ignored)],
             "calibrated": configuration.corrected_sensors(),
-            "suspicious_statements": [*map(str, suspicions.of_configuration(configuration)), *heard.suspicious],
+            "suspicious_statements": [*map(str, [*suspicions.of_configuration(configuration), *heard.suspicious])],
             "up_at_rest": None if heard.up is None else asdict(heard.up) | {"in_words": str(heard.up)},
             "compared_with": None,
         }

@@ -1,7 +1,7 @@
 """One call from arrays to attitudes with their bounds: `elliptude bounds` and `elliptude estimate`, without files."""
 
 import os
-import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
@@ -20,6 +20,7 @@ from elliptude.estimation import gaps
 from elliptude.estimation.estimator import Estimation, estimate
 from elliptude.estimation.guaranteed_result import contradicted_up, dropped_columns
 from elliptude.estimation.why_no_set import why_no_set
+from elliptude.from_arrays.arguments import ARGUMENTS, OF_KINDS
 from elliptude.from_arrays.inputs import times_of, vectors_of
 from elliptude.io.files import FileError, sentence
 from elliptude.io.readers.arrays import ArrayLog
@@ -41,8 +42,8 @@ _NAME = "the arrays"
 # The gyro's bias counts as an error here, and is not estimated.
 _QUESTIONS = tuple(question for question in get_args(Question) if question != "vector")
 _KINDS = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
-_ARGUMENTS = {"the gyro": "gyr", "up": "acc", "field": "mag"}
-_TIMES = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
+# What directions are called in the tables of the commands; messages call them as the arguments are.
+_DIRECTIONS = {"acc": "up", "mag": "field"}
 _UNITS: Mapping[str, Mapping[Any, float]] = {
     "gyr": units.ANGULAR_VELOCITY,
     "acc": units.ACCELERATION,
@@ -77,6 +78,7 @@ def ahrs(
         name: values if isinstance(values, np.ndarray) else np.array(values)
         for name, values in result.columns().items()
     }
+    columns |= {name: _as_in_tables(columns[name]) for name in ("used", "dropped")}
     return AhrsResult(
         times=result.times,
         quaternions=result.quaternions,
@@ -96,10 +98,10 @@ def ahrs(
         statements=str(statements),
         are_proposals=configuration.proposed_from is not None,
         heading="from the first row" if run.starts_heading else "not known" if only_up else "from magnetic east",
-        dropped={name: int(np.sum(np.array(dropped["sensor"]) == name)) for name in dict.fromkeys(dropped["sensor"])},
+        dropped={_DIRECTIONS.get(name, name): count for name, count in Counter(dropped["sensor"]).items()},
         notes=(
-            *map(_in_arguments, heard.ignored),
-            *(f"suspicious: {_in_arguments(one)}" for one in heard.suspicious),
+            *(one.in_words(ARGUMENTS) for one in heard.ignored),
+            *(f"suspicious: {one.in_words(ARGUMENTS)}" for one in heard.suspicious),
             *([] if wrong is None else [wrong["said"]]),
             *only_up,
             *why_no_set(run, configuration),
@@ -127,18 +129,16 @@ def _estimated(
         pieces = plausible_pieces(logs.read_pieces(file, configuration), configuration, _NAME, heard)
         return configuration, estimate(logs.joined(list(pieces)), configuration)
     except ImplausibleError as error:
-        errors = f"{sentence('; '.join(error.errors))}{heard.beside(error.errors)}"
-        said = f"{_NAME}: {_in_arguments(errors)} If it is right as it is: implausible='ignore'"
-        raise ValueError(said) from error
+        raise ValueError(str(ImplausibleError(_NAME, error.errors, heard, ARGUMENTS))) from error
     except FileError as error:
-        raise ValueError(_in_arguments(heard.after(str(error)))) from error
+        raise ValueError(heard.after(str(error), ARGUMENTS)) from error
     except InconsistentMeasurement:
         raise
     except ValueError as error:
         if statements not in get_args(Carried):
-            raise ValueError(_in_arguments(heard.after(str(error)))) from error
-        said = f"statements={statements!r}: {sentence(str(error))}{heard.beside()} {_REMEDY}"
-        raise ValueError(_in_arguments(said)) from error
+            raise ValueError(heard.after(str(error), ARGUMENTS)) from error
+        beside = heard.beside(words=ARGUMENTS)
+        raise ValueError(f"statements={statements!r}: {sentence(str(error))}{beside} {_REMEDY}") from error
 
 
 def _known_questions(questions: Sequence[str]) -> Sequence[str]:
@@ -167,24 +167,6 @@ def _of_up_alone(configuration: Configuration) -> list[str]:
     ]
 
 
-def _in_arguments(said: str) -> str:
-    """What is said of a log, with the names of arguments in the place of those of a configuration."""
-    for name, argument in _ARGUMENTS.items():
-        said = said.replace(f"'{name}'", argument)
-        said = re.sub(rf"(^|; |Suspicious: ){name}: ", rf"\1{argument}: ", said)
-        # Up to the next sensor.
-        own = r'(?:(?!; (?:up|field|the gyro|acc|mag|gyr): )[^"])*'
-        said = re.sub(rf'({argument}: {own}): write unit = "([^"]+)"', rf"\1: {argument}_unit='\2'", said)
-    normalized = "mag_unit='normalized', and in unit_ut how many µT 1 is"
-    said = said.replace(normalized, "mag_unit='uT', and multiply mag by the field of the place in µT")
-    said = re.sub(r'write flow\.unit = "([^"]+)"', r"gyr_unit='\1'", said)
-    for unit, name in _TIMES.items():
-        of_steps, of_turns = f'; it would be in {unit}: write time_unit = "{unit}"', f'write time_unit = "{unit}"'
-        asked = f"time is in s: are they {name}?"
-        said = said.replace(of_steps, f"; {asked}").replace(of_turns, asked)
-    return said.replace("?.", "?")
-
-
 def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any]) -> tuple[ArrayLog, Tables]:
     """The arrays as a log, and which of its columns are which sensors."""
     times = times_of(time)
@@ -196,12 +178,15 @@ def _recording(time: Any, sensors: Mapping[str, Any], stated: Mapping[str, Any])
             raise ValueError(f"{name}_unit: {unit!r} is none of {', '.join(known)}")
         if values is None and name == "mag":
             continue
-        vectors = vectors_of(name, values, len(times), may_be_missing=name != "gyr")
+        vectors = vectors_of(name, values, unit, len(times), may_be_missing=name != "gyr")
         axes = [f"{name}[:, {i}]" for i in range(3)]
         columns |= dict(zip(axes, vectors.T, strict=True))
         named[_KINDS[name]] = axes, unit
     file = ArrayLog(columns, _NAME)
-    return file, mapping.as_written(mapping.of_sensors("time[:]", "s", named), file, repair=False)
+    tables = mapping.of_sensors("time[:]", "s", named)
+    for direction in tables["directions"]:
+        direction["name"] = OF_KINDS[direction["kind"]]
+    return file, mapping.as_written(tables, file, repair=False)
 
 
 def _configuration(file: ArrayLog, tables: Tables, statements: str | os.PathLike[str], heard: Heard) -> Configuration:
@@ -227,7 +212,7 @@ def _configuration(file: ArrayLog, tables: Tables, statements: str | os.PathLike
     except ValueError:
         # Nothing is stated yet, so that it is suspicious at most.
         found = suspected(logs.read_pieces(file, configuration), configuration)
-        heard.of_units = {one: one for one in found}
+        heard.of_units = {str(one): one for one in found}
         raise
     return validate(file.path, document.unwrap(), Configuration)
 
@@ -242,6 +227,12 @@ def _rule(statements: Any) -> Tables:
         words = ", ".join(repr(word) for word in (*get_args(Carried), "recording"))
         raise ValueError(f"statements: {statements!r} is none of {words}, and there is no such file")
     return {"kind": "file", "file": os.fspath(statements)}
+
+
+def _as_in_tables(cells: NDArray[Any]) -> NDArray[Any]:
+    """Names of sensors with a space between them, as the commands write them."""
+    texts, rows = np.unique(cells, return_inverse=True)
+    return np.array([" ".join(_DIRECTIONS.get(name, name) for name in text.split()) for text in texts])[rows]
 
 
 def _of_three(angles: FloatArray | None, end: int) -> FloatArray:

@@ -52,7 +52,7 @@ def unit_of_time(times: FloatArray) -> str:
     return f"time is in s, and its steps are {step:g} s (median): are they {unit}?"
 
 
-def vectors_of(name: str, values: Any, count: int, *, may_be_missing: bool) -> FloatArray:
+def vectors_of(name: str, values: Any, unit: str, count: int, *, may_be_missing: bool) -> FloatArray:
     """A sensor's vectors, shape (N, 3); a row of NaN was not measured.
 
     Raises
@@ -63,7 +63,7 @@ def vectors_of(name: str, values: Any, count: int, *, may_be_missing: bool) -> F
     vectors = _numbers(name, _array(name, values))
     if vectors.shape != (count, 3):
         raise ValueError(f"{name}: shape {vectors.shape}, not ({count}, 3): a row for each time, and columns x, y, z")
-    _refuse(np.abs(vectors) > _LARGEST, name, vectors, f"more than {_LARGEST:g} in size")
+    _refuse(np.abs(vectors) > _LARGEST, name, vectors, f"more than {_LARGEST:g} {unit} in size")
     missing: NDArray[np.bool_] = np.isnan(vectors)
     if not may_be_missing:
         _refuse(missing, name, vectors, "but the gyro is needed in every row: leave such rows out of all arrays")

@@ -1,5 +1,7 @@
 """What the TOML files of scenarios and configurations are made of: strict models, messages that name the key."""
 
+import functools
+import math
 import os
 import tomllib
 from collections.abc import Mapping
@@ -36,9 +38,16 @@ def exactly_one(model: Model, *keys: str) -> None:
         raise ValueError(f"give exactly one of {', '.join(keys)}" + (f", not {' and '.join(given)}" if given else ""))
 
 
-def _has_direction(vector: tuple[float, ...]) -> tuple[float, ...]:
+# Of a vector or a bound; below it a square is rounded to nothing.
+_SHORTEST = 1e-130
+_NO_SQUARE = "where the core holds its square"
+
+
+def _has_direction(vector: tuple[float, ...], unit: str = "") -> tuple[float, ...]:
     if not any(vector):
         raise ValueError("must be a vector of positive length; that of [0, 0, 0] is 0, and it points nowhere")
+    if math.hypot(*vector) < _SHORTEST:
+        raise ValueError(f"must be at least {_SHORTEST:g}{unit} long, {_NO_SQUARE}")
     return vector
 
 
@@ -63,12 +72,14 @@ def one_word(name: str) -> str:
 
 def _squarable(bound: float) -> float:
     """A bound becomes a shape matrix by its square."""
-    if bound != 0.0 and bound < 1e-130:
-        raise ValueError("must be 0 or at least 1e-130, where the core holds its square")
+    if bound != 0.0 and bound < _SHORTEST:
+        raise ValueError(f"must be 0 or at least {_SHORTEST:g}, {_NO_SQUARE}")
     return bound
 
 
 NonzeroVector = Annotated[Vector, AfterValidator(_has_direction)]
+FieldVector = Annotated[Vector, AfterValidator(functools.partial(_has_direction, unit=" µT"))]
+"""A magnetic field, µT."""
 _OfAnyLength = Annotated[float, Strict(), Field(ge=-1e300, le=1e300)]
 VectorOfAnyLength = tuple[_OfAnyLength, _OfAnyLength, _OfAnyLength]
 """Of which the direction counts alone."""

@@ -7,12 +7,12 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from elliptude.configuration import suspicions
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.findings import suspicions
+from elliptude.configuration.findings.finding import KEYS, Finding, Words
 from elliptude.configuration.sensors import Accelerometer
 from elliptude.io.files import FileError, sentence
 from elliptude.logs.agreement.attitudes import reference_attitude
-from elliptude.logs.agreement.findings import Finding
 from elliptude.logs.agreement.sizes import OddSize, length_counts, odd_sizes
 from elliptude.logs.agreement.turns import Turns, WrongUnit, gyro_against_direction, stuck_gyro
 from elliptude.logs.axes.axes_check import look_at_axes
@@ -33,43 +33,43 @@ class ImplausibleError(FileError):
     ----------
     name : str
         Name of the log.
-    errors : sequence of str
-    beside : str
-        What is suspicious beside them, as `Heard.beside` says it.
+    errors : sequence of Finding
+    heard : Heard
+        Has what is suspicious beside them.
+    words : Words
+        How they are said.
     """
 
-    def __init__(self, name: str, errors: Sequence[str], beside: str = "") -> None:
+    def __init__(self, name: str, errors: Sequence[Finding], heard: "Heard", words: Words = KEYS) -> None:
         self.errors = tuple(errors)
-        super().__init__(
-            f"{name}: {sentence('; '.join(errors))}{beside} If it is right as it is, say implausible = 'ignore' in the "
-            "configuration, or --ignore-implausible of estimate"
-        )
+        contradicting = sentence("; ".join(error.in_words(words) for error in errors))
+        super().__init__(f"{name}: {contradicting}{heard.beside(errors, words)} {words.if_right}")
 
 
 @dataclass
 class Heard:
     """What a check of a log found besides faults, for the reader of the results."""
 
-    ignored: list[str] = field(default_factory=list)
+    ignored: list[Finding] = field(default_factory=list)
     """Errors that ``implausible = "ignore"`` goes on regardless of."""
     notes: list[str] = field(default_factory=list)
     """The same as notes in a table."""
     up: UpAtRest | None = None
     """What was up in the first rest."""
-    suspicious: list[str] = field(default_factory=list)
+    suspicious: list[Finding] = field(default_factory=list)
     """What may be wrong: sensors that do not fit one another, or that may have been at the end of their range; complete
     when all pieces are passed on."""
-    of_units: dict[str, str] = field(default_factory=dict)
+    of_units: dict[str, Finding] = field(default_factory=dict)
     """Of all this what would be usual in another unit, in the log or in the configuration, by the sensor's name."""
 
-    def beside(self, errors: Sequence[str] = ()) -> str:
+    def beside(self, errors: Sequence[Finding] = (), words: Words = KEYS) -> str:
         """What may be why anything else failed, as further sentences with a blank before them; else empty."""
-        others = [one for one in self.of_units.values() if one not in errors]
+        others = [one.in_words(words) for one in dict.fromkeys(self.of_units.values()) if one not in errors]
         return f" Suspicious: {sentence('; '.join(others))}" if others else ""
 
-    def after(self, message: str) -> str:
+    def after(self, message: str, words: Words = KEYS) -> str:
         """A message of what failed, and what may be why."""
-        beside = self.beside()
+        beside = self.beside(words=words)
         return f"{sentence(message)}{beside}" if beside else message
 
 
@@ -122,10 +122,9 @@ def plausible_pieces(
     if waiting:
         _require_plausible(joined(waiting), configuration, stated, name, heard)
         yield from waiting
-    heard.suspicious += saturation.said()
-    heard.suspicious += [f"{sensor}: {said}" for sensor, said in stuck.said()]
+    heard.suspicious += [*saturation.found(), *stuck.found()]
     if begin is not None and end is not None:
-        heard.suspicious += map(str, suspicions.of_configured_duration(configuration, float(end - begin)))
+        heard.suspicious += suspicions.of_configured_duration(configuration, float(end - begin))
 
 
 def _require_plausible(log: Log, configuration: Configuration, stated: Stated, name: str, heard: Heard) -> bool:
@@ -134,24 +133,24 @@ def _require_plausible(log: Log, configuration: Configuration, stated: Stated, n
     findings, is_told = _look(log, configuration, stated)
     # Of a size it is enough to hear once, and not of each block again.
     findings = [one for one in findings if not isinstance(one, OddSize) or one.sensor not in heard.of_units]
-    heard.of_units |= {one.sensor: str(one) for one in reversed(findings) if isinstance(one, OddSize)}
-    heard.of_units |= {f"stated of {one.sensor}": str(one) for one in suspicions.of_units(configuration)}
-    errors = [str(finding) for finding in findings if finding.severity == "error"]
+    heard.of_units |= {f"stated of {one.sensor}": one for one in suspicions.of_units(configuration)}
+    heard.of_units |= {one.sensor: one for one in reversed(findings) if isinstance(one, OddSize)}
+    errors = [finding for finding in findings if finding.severity == "error"]
     # What an accelerometer shows beside gravity turns as it likes: `check` says it, and it means little.
     forces = {sensor.name for sensor in configuration.directions if isinstance(sensor, Accelerometer)}
     means_little = [one for one in findings if one.sensor in forces and not isinstance(one, OddSize)]
-    warnings = [str(one) for one in findings if one.severity == "warning" and one not in means_little]
+    warnings = [one for one in findings if one.severity == "warning" and one not in means_little]
     heard.suspicious += [warning for warning in warnings if warning not in heard.suspicious]
     if not errors:
         return is_told
     if configuration.implausible == "refuse":
-        raise ImplausibleError(name, errors, heard.beside(errors))
+        raise ImplausibleError(name, errors, heard)
     heard.ignored += errors
     heard.notes += [f"implausible, and gone on regardless: {error}" for error in errors]
     return True
 
 
-def suspected(pieces: Iterable[Log], configuration: Configuration) -> list[str]:
+def suspected(pieces: Iterable[Log], configuration: Configuration) -> list[Finding]:
     """All that may be wrong with the beginning of a log of which hardly anything is stated, so that nothing is sure.
 
     Parameters
@@ -162,7 +161,7 @@ def suspected(pieces: Iterable[Log], configuration: Configuration) -> list[str]:
 
     Returns
     -------
-    list of str
+    list of Finding
     """
     heard = Heard()
     regardless = configuration.model_copy(update={"implausible": "ignore"})
@@ -186,7 +185,7 @@ def contradictions(log: Log, configuration: Configuration) -> list[Finding]:
 
 
 def _look(log: Log, configuration: Configuration, stated: Stated) -> tuple[list[Finding], bool]:
-    """What was found, and whether the log has moved enough to check its directions and rates.
+    """What was found, causes before what may follow from them, and whether the log has moved enough to tell.
 
     Slopes and choices of axes suggest what is wrong; an error is only what a proof stands beside: means of the
     direction that differ by more than all that is stated allows.
@@ -194,7 +193,7 @@ def _look(log: Log, configuration: Configuration, stated: Stated) -> tuple[list[
     stated.rates(log)  # in the first piece of a recording the bias is known
     turns = Turns(log, configuration)
     by_direction = [gyro_against_direction(log, turns, i, configuration) for i in range(len(configuration.directions))]
-    sizes = _sizes(log, configuration, stated)
+    statements, sizes = _statements(log, configuration, stated), _sizes(log, configuration, stated)
     found = [_if_sure(finding, log, stated) for finding in by_direction if isinstance(finding, Finding)]
     is_confirmed = "confirmed" in by_direction
     of_unit: list[Finding] = [finding for finding in found if isinstance(finding, WrongUnit)]
@@ -203,16 +202,16 @@ def _look(log: Log, configuration: Configuration, stated: Stated) -> tuple[list[
         found = [replace(finding, severity="warning") for finding in found]
     elif of_unit:
         # A rate of another size explains all else that does not turn as it says; axes tried against it show nothing.
-        return of_unit + sizes, False
+        return statements + of_unit + sizes, False
     if not is_confirmed and (stuck := stuck_gyro(log, configuration, stated)) is not None:
-        return [stuck, *sizes], False
+        return [*statements, stuck, *sizes], False
     axes = look_at_axes(log, configuration, stated)
     if axes.wrong:
         # What is sure, with what would be right, comes before what a slope only suggests.
         named = {wrong.sensor for wrong in axes.wrong}
         found = [] if named & {"the gyro", "rate"} else [finding for finding in found if finding.sensor not in named]
-        found += [Finding("error" if wrong.is_sure else "warning", wrong.sensor, wrong.message) for wrong in axes.wrong]
-    found += sizes
+        found += [Finding("error" if wrong.is_sure else "warning", wrong.sensor, wrong.said) for wrong in axes.wrong]
+    found = statements + found + sizes
     if not any(finding.severity == "error" for finding in found):
         attitude = reference_attitude(log, turns, configuration, stated)
         found += [attitude] if attitude is not None else []
@@ -220,15 +219,17 @@ def _look(log: Log, configuration: Configuration, stated: Stated) -> tuple[list[
 
 
 def _sizes(log: Log, configuration: Configuration, stated: Stated) -> list[Finding]:
-    """Odd sizes of what is measured, and those of what is stated that the log rules out."""
-    sizes: list[Finding] = [
-        one if one.is_proved else _if_sure(one, log, stated) for one in odd_sizes(log, configuration)
-    ]
+    """Odd sizes of what is measured."""
+    return [one if one.is_proved else _if_sure(one, log, stated) for one in odd_sizes(log, configuration)]
+
+
+def _statements(log: Log, configuration: Configuration, stated: Stated) -> list[Finding]:
+    """Odd sizes of what is stated, if the log rules it out."""
     counted = {sensor.name for sensor in configuration.directions if length_counts(sensor, configuration)}
     of_statements = [one for one in suspicions.of_units(configuration) if one.sensor in counted]
     # An infinite one is of another reason: a rest that is missing, or samples further apart than stated.
     proved = [one for one in of_statements if 1.0 < stated.quotient(log, one.sensor) < math.inf]
-    return sizes + [OddSize("error", one.sensor, one.message) for one in proved]
+    return [replace(one, severity="error") for one in proved]
 
 
 def _if_sure(finding: Finding, log: Log, stated: Stated) -> Finding:

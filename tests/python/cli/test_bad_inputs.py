@@ -136,6 +136,15 @@ CONFIGS = {
     "no reference field": (
         CONFIG.replace("[0.0, 18.0, -42.0]", "[0, 0, 0]"), "directions[1].reference_ut: must be a vector of positive",
     ),
+    "a field whose square is none": (
+        CONFIG.replace("[0.0, 18.0, -42.0]", "[1e-300, 0, 0]"),
+        "directions[1].reference_ut: must be at least 1e-130 µT long, where the core holds its square, "
+        "not [1e-300, 0, 0]",
+    ),
+    "a direction whose square is none": (
+        CONFIG.replace('kind = "accelerometer"', "reference = [0, 0, -1e-131]").replace('unit = "m/s^2"', ""),
+        "directions[0].reference: must be at least 1e-130 long, where the core holds its square, not [0, 0, -1e-131]",
+    ),
     "short reference direction": (
         CONFIG.replace('kind = "accelerometer"', "reference = [0, 1]").replace('unit = "m/s^2"', ""),
         "config.toml: directions[0].reference[2]: missing: the list has too few values",

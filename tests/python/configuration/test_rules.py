@@ -4,7 +4,8 @@ import re
 
 import numpy as np
 import pytest
-from elliptude.configuration import motion, rules, sensors, suspicions
+from elliptude.configuration import motion, rules, sensors
+from elliptude.configuration.findings import suspicions
 from elliptude.io.toml_faults import faults_in_words
 from elliptude.proposal import proposals
 from elliptude.proposal.proposed_rule import what_it_says

@@ -214,7 +214,7 @@ def test_a_reference_read_wrongly(tmp_path, truth, hint, seed):
     ignored = read_configuration(ignoring)
     heard = plausibility.Heard()
     assert len(list(plausibility.plausible_pieces([read_log(log, ignored)], ignored, "log", heard))) == 1
-    assert [one.startswith("cameras: turns ") for one in heard.ignored] == [True]
+    assert [str(one).startswith("cameras: turns ") for one in heard.ignored] == [True]
 
 
 def test_a_reference_without_a_rate_is_compared_with_directions(tmp_path):
@@ -340,7 +340,7 @@ def test_a_sensor_that_stops_or_gets_stuck(tmp_path, array, name):
         ends = zip(stops - lengths, stops, strict=True)
         pieces = [rows_of(whole, begin, end) for begin, end in ends]
         list(plausibility.plausible_pieces(pieces, configuration, "log", heard))
-        assert said.removeprefix("warning: ") in heard.suspicious
+        assert said.removeprefix("warning: ") in map(str, heard.suspicious)
     arrays = recording()
     arrays[array][1200:1500] = arrays[array][1200]
     _, messages = found(tmp_path, arrays)

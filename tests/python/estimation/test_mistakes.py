@@ -10,7 +10,8 @@ import pyarrow.parquet
 import pytest
 import tomlkit
 from elliptude import cli
-from elliptude.configuration import Configuration, rules, suspicions
+from elliptude.configuration import Configuration, rules
+from elliptude.configuration.findings import suspicions
 from elliptude.io import column_files, tables
 from elliptude.logs.body_at_rest import axis_in_words, up_at_rest
 from elliptude.logs.quaternion_readings import misread, readings

@@ -18,9 +18,9 @@ from elliptude.estimation.questions import columns as judging
 from elliptude.estimation.questions.answers import Answers
 from elliptude.io.tables import Result
 from elliptude.logs import Log
-from elliptude.report import page
 from elliptude.report.estimated import picture
 from elliptude.report.estimated.reading import read_run
+from elliptude.report.page import notes
 from elliptude.validation.questions import tilt_and_heading
 from scipy.spatial.transform import Rotation
 from test_guaranteed_run import REFERENCES, configured, gyro_log, recording, ruled, so3_unit
@@ -366,12 +366,12 @@ def test_the_table_is_read_as_it_was_written(tmp_path, suffix):
         assert shown.is_asked
         np.testing.assert_array_equal(shown.half_widths, np.abs(intervals(turns)).max(axis=2))
         assert (np.abs(shown.errors) <= shown.half_widths).all()
-        assert "answer each axis by itself" in page._bands_note(dataclasses.replace(run, axes=axes))
+        assert "answer each axis by itself" in notes.bands_note(dataclasses.replace(run, axes=axes))
         drawn = picture._error_columns(result, axes, None, False)
         np.testing.assert_allclose(drawn[0].bounds, np.rad2deg(shown.half_widths))
         assert (drawn[1].bounds <= np.rad2deg(result.half_widths[:, 3:]) * (1.0 + 1e-9)).all()
         assert (np.abs(drawn[1].errors) <= drawn[1].bounds).all()
-    assert "by itself" not in page._bands_note(dataclasses.replace(run, turns_reference=None))
+    assert "by itself" not in notes.bands_note(dataclasses.replace(run, turns_reference=None))
 
 
 def command(*arguments):

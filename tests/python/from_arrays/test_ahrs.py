@@ -294,9 +294,9 @@ def test_an_acceleration_that_a_rule_states_is_suspicious(recording, tmp_path):
         ({"time": "now"}, "time: str, not an array"),
         ({"gyr": RATES[:, :2]}, r"gyr: shape \(300, 2\), not \(300, 3\)"),
         ({"gyr": changed(RATES, (5, 1), np.nan)}, r"gyr\[5, 1\] is nan, but the gyro is needed in every row"),
-        ({"gyr": changed(RATES, (5, 1), np.inf)}, r"gyr\[5, 1\] is inf, more than 1e\+09"),
+        ({"gyr": changed(RATES, (5, 1), np.inf)}, r"gyr\[5, 1\] is inf, more than 1e\+09 rad/s in size"),
         ({"gyr": None}, "gyr: NoneType, not an array"),
-        ({"acc": changed(FORCES, (5, 1), 1e300)}, r"acc\[5, 1\] is 1e\+300, more than 1e\+09"),
+        ({"acc": changed(FORCES, (5, 1), 1e300)}, r"acc\[5, 1\] is 1e\+300, more than 1e\+09 m/s\^2 in size"),
         ({"acc": changed(FORCES, (5, 1), np.nan)}, r"acc\[5, 1\] is nan, but other components"),
         ({"acc": changed(FORCES, 5, 0.0)}, r"acc\[5\] is .*without a direction"),
         ({"acc": FORCES / 9.80665}, r"acc: its median norm is 1 m/s\^2, which is not gravity .*acc_unit='g'"),
@@ -382,14 +382,67 @@ def test_a_strong_field_that_is_the_same_everywhere_is_no_wrong_unit(recording, 
     assert not any("counts too little" in note for note in result.notes)
 
 
-def test_a_unit_is_asked_of_its_own_sensor(recording):
-    """No unit explains the accelerometer's length, and one explains the magnetometer's."""
+@pytest.mark.parametrize(("factor", "stated", "meant"), [(1.0, "T", "uT"), (1e-6, "uT", "T"), (1e3, "uT", "nT")])
+def test_a_unit_is_asked_of_its_own_sensor(recording, factor, stated, meant):
+    """No unit explains the accelerometer's length, and one explains the magnetometer's, suspicious or refused."""
     times, rates, forces, fields, _ = recording
     with pytest.raises(ValueError, match="mag: its median norm") as error:
-        el.ahrs(times, rates, 0.3 * forces, fields)
+        el.ahrs(times, rates, 0.3 * forces, factor * fields, mag_unit=stated)
     assert "acc: its median norm" in str(error.value)
-    assert "mag_unit='uT'" in str(error.value)
+    assert f"mag_unit='{meant}'" in str(error.value)
     assert "acc_unit=" not in str(error.value)
+
+
+def test_a_field_that_is_refused_names_its_limit(recording):
+    """As a gyro's, an accelerometer's and every other refusal: argument, value, limit, each with its unit."""
+    times, rates, forces, fields, _ = recording
+    rule = rule_for("hand").magnetometer
+    most = (1.0 + rule.scale_error) * (70.0 + rule.disturbance_ut) + rule.error_ut
+    for factor, unit, number, limit in (
+        (1e3, "uT", "4.47", f"{most:.4g} uT"),
+        (1.0, "T", "44.7", f"{most * 1e-6:.4g} T"),
+    ):
+        said = rf"mag: its median norm is {number}\S* {unit}, .*, and what is stated of its errors in µT counts too "
+        said += rf"little: with the Earth's 70 µT it allows at most {re.escape(limit)}"
+        with pytest.raises(ValueError, match=said):
+            el.ahrs(times, rates, forces, factor * fields, mag_unit=unit)
+
+
+@pytest.mark.parametrize(
+    ("gravity", "implausible", "count"), [(1.0, "refuse", 2), (1.0, "ignore", 2), (19.0, "ignore", 1)]
+)
+def test_what_a_rule_states_is_named_as_its_file_has_it(recording, tmp_path, gravity, implausible, count):
+    """And once, although the log rules it out and it is odd by itself, before what the log shows because of it."""
+    rule = rule_for("hand").model_dump(mode="json", exclude_none=True)
+    rule["accelerometer"]["gravity_m_per_s2"] = gravity
+    path = tmp_path / "rule.toml"
+    path.write_text(tomlkit.dumps(rule))
+    with pytest.raises(ValueError, match=rf"acc: accelerometer\.gravity_m_per_s2 = {gravity:g} is not") as error:
+        el.ahrs(*recording[:4], mag_unit="uT", statements=path, implausible=implausible)
+    said = str(error.value)
+    assert said.count("gravity_m_per_s2") == count
+    assert ("acc: its median norm is 9.8" in said.partition("gravity_m_per_s2")[2]) == (gravity == 1.0)
+    assert "rule." not in said
+
+
+def test_a_reference_that_nobody_stated_is_no_argument(recording):
+    """Without a rest `bounds` makes it of the magnetometer's numbers."""
+    times, rates, forces, fields, _ = (values[400:] for values in recording)
+    with pytest.raises(ValueError, match=r"in nT: mag_unit='nT'.* made of it is 4\.\d+e\+04 µT long") as error:
+        el.ahrs(times, rates, forces, 1e3 * fields, mag_unit="uT", statements="recording")
+    assert "reference_ut" not in str(error.value)
+    assert "is mag_unit right?" in str(error.value)
+
+
+def test_directions_are_called_as_the_arguments_are(recording):
+    """Wherever a message comes from."""
+    times, rates, forces, fields, _ = recording
+    found = el.ahrs(times, rates, 1e3 * forces, fields, mag_unit="uT", statements="recording", implausible="ignore")
+    assert any("'acc' contradicts its own bounds" in note for note in found.notes)
+    assert not any("'up'" in note for note in found.notes)
+    # Tables are those of the commands.
+    assert "up" in found.dropped
+    assert set(" ".join(found.columns["used"]).split()) <= {"up", "field", "east"}
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])

@@ -48,7 +48,7 @@ def said(*pieces):
     saturation = Saturation(CONFIGURATION)
     for piece in pieces:
         saturation.add(piece)
-    return saturation.said()
+    return [str(one) for one in saturation.found()]
 
 
 def test_a_gyro_at_the_end_of_its_range():
@@ -130,4 +130,4 @@ def test_rates_between_samples_do_not_count():
 def test_it_is_heard_when_all_pieces_are_passed_on():
     heard = Heard()
     assert len(list(plausible_pieces(iter([clipped(shaken())]), CONFIGURATION, "log.csv", heard))) == 1
-    assert [one[:9] for one in heard.suspicious] == ["the gyro:"]
+    assert [one.sensor for one in heard.suspicious] == ["the gyro"]

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import tomlkit
 from elliptude import cli
-from elliptude.cli import columns
 from elliptude.configuration.configuration import read_configuration
 from elliptude.logs.agreement.sizes import odd_step
 from test_proposals import STEP, made
@@ -171,9 +170,14 @@ def test_bounds_refuse_what_their_user_states(tmp_path):
         (tmp_path / "new.toml").unlink()
 
 
-def test_options_ask_for_the_unit_of_their_own_sensor():
-    said = columns.in_options('up: it is not gravity; field: it would be in nT: write unit = "nT"')
-    assert said == "up: it is not gravity; field: it would be in nT: say --magnetometer-unit nT"
+def test_options_ask_for_the_unit_of_their_own_sensor(tmp_path):
+    """No unit explains the accelerometer's length, and one explains the magnetometer's."""
+    log = written(tmp_path, arrays({"acc": 0.3, "mag": 1e3}))
+    code, output = run("bounds", log, *named())
+    assert code == 0, output
+    assert "up: its median norm is 2.94" in output
+    assert_said("field: its median norm is 4.*it would be in nT: say --magnetometer-unit nT", output)
+    assert "--accelerometer-unit" not in output
 
 
 @pytest.mark.parametrize("name", ODD)
@@ -249,6 +253,24 @@ def test_gravity_in_g(tmp_path):
         refused, output = run("estimate", log, "--config", config, "--out", tmp_path / bounds)
         assert f"{said}gravity_m_per_s2 = 9.8066" in output
         assert refused == (bounds == "sensor")
+
+
+@pytest.mark.parametrize("bounds", ["sensor", "angle"])
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_what_is_stated_of_gravity_comes_before_what_follows_from_it(tmp_path, bounds, is_reversed):
+    """Gravity in g, and a field as in a coil: the magnetometer contradicts too, as up is not what it should be."""
+    log = written(tmp_path, arrays({"mag": 20.0}))
+    config = stated(tmp_path, bounds, reference=(0.0, 18e3, -42e3), gravity_m_per_s2=1.0)
+    tables = tomlkit.parse(config.read_text()).unwrap()
+    if is_reversed:
+        tables["directions"].reverse()
+    config.write_text(tomlkit.dumps(tables))
+    for command in (("check", log, config), ("estimate", log, "--config", config, "--out", tmp_path / "out")):
+        _, output = run(*command)
+        said = ["gravity_m_per_s2 = 1 is", "reference_ut is", "up: its median norm is", "field: its median norm is"]
+        places = [output.index(one) for one in said]
+        assert places[0] == min(places), output
+        assert places[1] < min(places[2:]), output
 
 
 def test_degrees_of_a_gyro_at_rest(tmp_path):

@@ -12,6 +12,7 @@ from elliptude import cli
 from elliptude.report import curves
 from elliptude.report import page as report
 from elliptude.report.axes import sphere
+from elliptude.report.page import tables
 from elliptude.report.run import DroppedMeasurements
 from scipy.spatial.transform import Rotation
 from test_run_figures import angled, full_run
@@ -345,11 +346,11 @@ def test_heading_and_up_alone(tmp_path):
 
 
 def test_of_very_many_dropped_measurements_the_farthest_off_are_listed(monkeypatch):
-    monkeypatch.setattr(report, "EACH_LISTED", 3)
+    monkeypatch.setattr(tables, "EACH_LISTED", 3)
     listed = DroppedMeasurements(
         np.arange(5.0), ("",) * 5, ("a",) * 5, ("prediction",) * 5, np.array([-1.0, -5, -2, -3, -4]), ("",) * 5
     )
-    each = report._each(listed)
+    each = tables.each_left_out(listed)
     assert (each["total"], each["time"]) == (5, [1.0, 3.0, 4.0])
     run = make_run(500, listed=dataclasses.replace(listed, times=np.array([0.01, 0.02, 0.03, 0.04, 4.9])))
     monkeypatch.setattr(curves, "PIECES", 5)

@@ -6,9 +6,10 @@ import numpy as np
 import scipy
 
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.findings.finding import Finding, Severity
 from elliptude.configuration.sensors import AnyDirection
-from elliptude.logs.agreement.findings import FACTORS, Finding, Severity, like, spread_rows, unit_vectors
-from elliptude.logs.agreement.turns import Turns
+from elliptude.logs.agreement.turns import Turns, spread_rows, unit_vectors
+from elliptude.logs.agreement.wrong_units import FACTORS, like
 from elliptude.logs.axes.stated import Stated
 from elliptude.logs.log import Log
 from elliptude.logs.quaternion_readings import FEWEST_PAIRS, LEAST, MOST, misread, readings_of
@@ -40,7 +41,7 @@ def reference_attitude(log: Log, turns: Turns, configuration: Configuration, sta
             return Finding(severity, label, f"{what}, and as far when read {found.fitting}")
         for factor in FACTORS:
             if LEAST <= found.slope / factor <= MOST:
-                return Finding(severity, label, f"{what}: of the rate, {like(factor, configuration)}")
+                return Finding(severity, label, (f"{what}: of the rate, ", like(factor, configuration)))
         return Finding("warning", label, f"{what}: are its order, its direction and the axes right?")
     return _reference_against_directions(log, configuration)
 

@@ -10,26 +10,28 @@ _MICROTESLA = units.FIELD["uT"]
 _FULL_RANGE = 0.01
 
 
-def voids_statements(strength: float, sensor: AnyDirection, configuration: Configuration) -> bool:
-    """Whether a field (T) is too strong in the stated unit and not in another: errors in µT then count too little.
+def exceeded_limit(strength: float, sensor: AnyDirection, configuration: Configuration) -> float | None:
+    """The strongest field (T) that what is stated allows, if one is stronger and the Earth's in another unit.
 
-    The sensor shows (I + K) x + e of a field x, which is the Earth's and what is beside it. So with all of that as
-    large as is stated no sample is longer than (1 + k) (B + d) + ε, where the Earth's field B is at most 70 µT. A
-    stronger one that no unit would make the Earth's is that of a magnet or a coil, up to the sensor's full range.
+    Else None. The sensor shows (I + K) x + e of a field x, which is the Earth's and what is beside it. So with all of
+    that as large as is stated no sample is longer than (1 + k) (B + d) + ε, where the Earth's field B is at most 70 µT.
+    A stronger one that no unit would make the Earth's is that of a magnet or a coil, up to the sensor's full range.
+    Where the unit is another, errors in µT count too little.
     """
     if not isinstance(sensor, Magnetometer) or not _is_in_another_unit(strength, sensor):
-        return False
+        return None
     if configuration.rule is not None:
         rule = configuration.calibrated_rule().magnetometer
         if rule is None:
-            return False
+            return None
         own, beside = rule.sensor(), rule.disturbance_ut
     elif isinstance(sensor.bound_from, FieldBound):
         own, beside = configuration.sensor_bounds(sensor), sensor.bound_from.disturbance_ut
     else:
-        return False
+        return None
     strongest = (1.0 + own.scale_error) * (units.STRONGEST_FIELD_UT + beside) + own.error
-    return strength > _MICROTESLA * strongest
+    limit = _MICROTESLA * strongest
+    return limit if strength > limit else None
 
 
 def _is_in_another_unit(strength: float, sensor: Magnetometer) -> bool:

@@ -4,18 +4,20 @@ An odd size proves nothing: the sensor may be in a centrifuge, near a magnet, or
 unit in which it would be usual; it is an error only where the log proves that not all that is stated holds.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from elliptude import units
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.findings.finding import Finding, Key, Remedy, Said, Severity
+from elliptude.configuration.findings.suspicions import stated_gravity
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer
-from elliptude.configuration.suspicions import stated_gravity
-from elliptude.logs.agreement.fields import voids_statements
-from elliptude.logs.agreement.findings import Finding, Severity, in_the_unit, unit_of_time, write
+from elliptude.logs.agreement.fields import exceeded_limit
+from elliptude.logs.agreement.wrong_units import of_rates, unit_of_rates, unit_of_time
 from elliptude.logs.log import Log
 from elliptude.typing import FloatArray
 from elliptude.units import OFTEN_S, SELDOM_S
@@ -33,7 +35,7 @@ _FULL_RANGE = 2000.0 * np.pi / 180.0
 _OTHER_ACCELERATIONS = {"mm/s^2": 1e-3}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OddSize(Finding):
     """A size that is not what it usually is, and may be in another unit; of a direction an error if that is sure."""
 
@@ -57,14 +59,15 @@ def odd_sizes(log: Log, configuration: Configuration) -> list[OddSize]:
     for i, sensor in enumerate(configuration.directions):
         there = log.directions[np.isfinite(log.directions[:, i, 0]), i]
         if said := odd_length(there, sensor, configuration):
-            is_proved = voids_statements(_median(there), sensor, configuration)
-            said += ", and what is stated of its errors in µT counts too little" if is_proved else ""
+            limit = exceeded_limit(_median(there), sensor, configuration)
+            if limit is not None:
+                said = said, f", and what is stated of its errors in µT counts too little: {_allowed(limit, sensor)}"
             severity: Severity = "error" if length_counts(sensor, configuration) else "warning"
-            found.append(OddSize(severity, sensor.name, said, is_proved))
+            found.append(OddSize(severity, sensor.name, said, is_proved=limit is not None))
     if log.rates is None:
         return found
     rates = log.rates[log.has_rate]
-    name, _ = _of_rates(configuration)
+    name, _ = of_rates(configuration)
     steps = np.diff(log.times[log.gyro_rows]) if isinstance(configuration.flow, GyroFlow) else np.empty(0)
     for said in (odd_rate(rates, configuration), odd_step(steps, configuration)):
         found += [OddSize("warning", name, said)] if said else []
@@ -76,7 +79,7 @@ def length_counts(sensor: AnyDirection, configuration: Configuration) -> bool:
     return configuration.rule is not None or not sensor.is_bound_by_angle
 
 
-def odd_length(vectors: FloatArray, sensor: AnyDirection, configuration: Configuration) -> str:
+def odd_length(vectors: FloatArray, sensor: AnyDirection, configuration: Configuration) -> Said:
     """What is odd about the lengths of a direction's vectors (N, 3), in SI units; empty if nothing is."""
     if not len(vectors) or not isinstance(sensor, Accelerometer | Magnetometer):
         return ""
@@ -86,20 +89,19 @@ def odd_length(vectors: FloatArray, sensor: AnyDirection, configuration: Configu
     return _odd_unit_field(median / sensor.tesla) if sensor.unit == "normalized" else _odd_field(median, sensor)
 
 
-def odd_rate(rates: FloatArray, configuration: Configuration) -> str:
+def odd_rate(rates: FloatArray, configuration: Configuration) -> Said:
     """What is odd about rates (N, 3), rad/s; empty if nothing is."""
-    _, unit = _of_rates(configuration)
+    _, unit = of_rates(configuration)
     fastest = float(np.linalg.norm(rates, axis=1).max(initial=0.0))
     if fastest <= _FULL_RANGE:
         return ""
     said = f"up to {fastest / units.ANGULAR_VELOCITY[unit]:.4g} {unit}, which is {np.rad2deg(fastest):.4g} deg/s"
-    key = "flow.unit" if isinstance(configuration.flow, GyroFlow) else "rate.unit"
     said += ": more than most gyros can show, 2000 deg/s"
     in_degrees = unit == "rad/s" and np.radians(fastest) <= _FULL_RANGE
-    return said + in_the_unit(["deg/s"], write(key, "deg/s")) if in_degrees else said
+    return (said, "; ", unit_of_rates(configuration, "deg/s", ("deg/s",))) if in_degrees else said
 
 
-def odd_step(steps: FloatArray, configuration: Configuration) -> str:
+def odd_step(steps: FloatArray, configuration: Configuration) -> Said:
     """What is odd about the steps (N,) between a gyro's samples, s; empty if nothing is."""
     if not len(steps):
         return ""
@@ -110,21 +112,14 @@ def odd_step(steps: FloatArray, configuration: Configuration) -> str:
         return ""
     limit = f"more than {SELDOM_S:g}" if seldom else f"less than {OFTEN_S:g}"
     how = f"{limit} s: {'few are read so seldom' if seldom else 'none is read so often'}"
-    meant = unit_of_time(configuration, lambda factor: OFTEN_S <= factor * step < SELDOM_S)
-    in_other = in_the_unit([meant], write("time_unit", meant)) if meant else ""
-    return f"its samples are {step:.3g} s apart (median), {how}{in_other}"
+    said = f"its samples are {step:.3g} s apart (median), {how}"
+    in_other = unit_of_time(configuration, lambda factor: OFTEN_S <= factor * step < SELDOM_S)
+    return said if in_other is None else (said, "; ", replace(in_other, fitting=(str(in_other.meant),)))
 
 
 def _median(vectors: FloatArray) -> float:
     """Of the norms of vectors (N, 3)."""
     return float(np.median(np.linalg.norm(vectors, axis=1)))
-
-
-def _of_rates(configuration: Configuration) -> tuple[str, units.AngularVelocityUnit]:
-    """The name of what measures the rate, and its unit."""
-    if isinstance(configuration.flow, GyroFlow):
-        return "the gyro", configuration.flow.unit
-    return "rate", "rad/s" if configuration.rate is None else configuration.rate.unit
 
 
 def _covers(configuration: Configuration, step: float) -> bool:
@@ -138,29 +133,30 @@ def _covers(configuration: Configuration, step: float) -> bool:
     return longest is not None and step <= longest
 
 
-def _odd_force(median: float, sensor: Accelerometer, gravity: float) -> str:
+def _odd_force(median: float, sensor: Accelerometer, gravity: float) -> Said:
     """Of the median norm of an accelerometer, m/s²."""
     unit = units.ACCELERATION[sensor.unit]
     least, most = _LEAST_OF_GRAVITY * gravity, _MOST_OF_GRAVITY * gravity
     if least <= median <= most:
         return ""
-    said = (
+    said: Said = (
         f"its median norm is {median / unit:.4g} {sensor.unit}, which is not gravity ({least / unit:.3g} to "
         f"{most / unit:.3g} {sensor.unit})"
     )
-    fitting = _fitting(median / unit, units.ACCELERATION.items(), least, most)
-    if fitting:
-        said += in_the_unit(fitting, write("unit", fitting[0]))
-    elif others := _fitting(median / unit, _OTHER_ACCELERATIONS.items(), least, most):
-        said += f"{in_the_unit(others)}, and only {', '.join(units.ACCELERATION)} can be stated: convert it"
+    if fitting := _fitting(median / unit, units.ACCELERATION, least, most):
+        said = said, "; ", _in_unit("accelerometer", sensor.unit, fitting)
+    elif others := _fitting(median / unit, _OTHER_ACCELERATIONS, least, most):
+        known = ", ".join(units.ACCELERATION)
+        said = said, f"; it would be in {' or '.join(others)}, and only {known} can be stated: convert it"
     if median < least:
-        said += "; or it is without gravity, as linear or user acceleration is, or in free fall: then it shows no up"
+        without = "it is without gravity, as linear or user acceleration is, or in free fall: then it shows no up"
+        said = said, f"; or {without}"
     return said
 
 
-def _odd_field(median: float, sensor: Magnetometer) -> str:
+def _odd_field(median: float, sensor: Magnetometer) -> Said:
     """Of the median norm of a magnetometer in a unit of its own, T."""
-    fitting = _fitting(median / sensor.tesla, units.FIELD.items(), _LEAST_FIELD, _MOST_FIELD)
+    fitting = _fitting(median / sensor.tesla, units.FIELD, _LEAST_FIELD, _MOST_FIELD)
     is_possible = units.WEAKEST_BESIDE_UT <= median / _MICROTESLA <= units.STRONGEST_BESIDE_UT
     if _LEAST_FIELD <= median <= _MOST_FIELD or (not fitting and is_possible):
         return ""
@@ -170,24 +166,38 @@ def _odd_field(median: float, sensor: Magnetometer) -> str:
         f"({_LEAST_FIELD / sensor.tesla:.3g} to {_MOST_FIELD / sensor.tesla:.3g} {sensor.unit})"
     )
     if fitting:
-        return said + in_the_unit(fitting, write("unit", fitting[0]))
+        return said, "; ", _in_unit("magnetometer", sensor.unit, fitting)
     if _LEAST_OF_UNIT <= number <= _MOST_OF_UNIT:
-        return f"{said}; a normalized one is about 1: {write('unit', 'normalized')}, and in unit_ut how many µT 1 is"
+        normalized = Remedy(Key("magnetometer", "unit"), sensor.unit, "normalized")
+        return said, "; a normalized one is about 1: ", normalized
     return said
 
 
-def _odd_unit_field(median: float) -> str:
+def _allowed(limit: float, sensor: AnyDirection) -> str:
+    """The strongest field (T) that what is stated of a magnetometer allows."""
+    assert isinstance(sensor, Magnetometer)  # of others no field is measured
+    return (
+        f"with the Earth's {units.STRONGEST_FIELD_UT:g} µT it allows at most {limit / sensor.tesla:.4g} {sensor.unit}"
+    )
+
+
+def _odd_unit_field(median: float) -> Said:
     """Of the median norm of a normalized magnetometer."""
     if _LEAST_OF_UNIT <= median <= _MOST_OF_UNIT:
         return ""
-    fitting = _fitting(median, units.FIELD.items(), _LEAST_FIELD, _MOST_FIELD)
     said = (
         f"its median norm is {median:.4g}, and a normalized field is about 1: is it normalized? That is "
         f"{_LEAST_OF_UNIT:g} to {_MOST_OF_UNIT:g}"
     )
-    return f"{said}{in_the_unit(fitting, write('unit', fitting[0]))}, without unit_ut" if fitting else said
+    fitting = _fitting(median, units.FIELD, _LEAST_FIELD, _MOST_FIELD)
+    return (said, "; ", _in_unit("magnetometer", "normalized", fitting)) if fitting else said
 
 
-def _fitting(number: float, known: Iterable[tuple[str, float]], least: float, most: float) -> list[str]:
+def _in_unit(of: Literal["accelerometer", "magnetometer"], stated: str, fitting: tuple[str, ...]) -> Remedy:
+    """The first unit in which a sensor would show what it usually does."""
+    return Remedy(Key(of, "unit"), stated, fitting[0], fitting)
+
+
+def _fitting(number: float, known: Mapping[Any, float], least: float, most: float) -> tuple[str, ...]:
     """The units in which a number would be between these, in SI units."""
-    return [unit for unit, size in known if least <= number * size <= most]
+    return tuple(unit for unit, size in known.items() if least <= number * size <= most)

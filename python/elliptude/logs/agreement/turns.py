@@ -13,14 +13,16 @@ from typing import Literal
 import numpy as np
 
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.findings.finding import Finding, Name, Severity
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer
-from elliptude.logs.agreement.findings import FACTORS, Finding, Severity, like, spread_rows, unit_vectors, write
+from elliptude.logs.agreement.wrong_units import FACTORS, like, of_rates, unit_of_rates
 from elliptude.logs.axes.stated import Stated
 from elliptude.logs.log import Log
 from elliptude.logs.quaternion_readings import FEWEST_PAIRS, LARGEST_TURN, LEAST, MOST, STANDARD_ERROR, slope
 from elliptude.typing import FloatArray
 
+_PAIRS = 50_000
 # rad; a direction that moves so far in the body shows a turn, whatever its noise.
 _CLEAR_TURN = 0.35
 # rad; a reference that moves by more is not used.
@@ -43,7 +45,7 @@ def stuck_gyro(log: Log, configuration: Configuration, stated: Stated) -> Findin
     shown = log.rates[np.isfinite(log.rates[:, 0])]
     if len(shown) < 2 or (shown != shown[0]).any():
         return None
-    name = "the gyro" if isinstance(configuration.flow, GyroFlow) else "rate"
+    name, _ = of_rates(configuration)
     for i, sensor in enumerate(configuration.directions):
         vectors = log.directions[np.isfinite(log.directions[:, i, 0]), i]
         if not len(vectors):
@@ -51,10 +53,11 @@ def stuck_gyro(log: Log, configuration: Configuration, stated: Stated) -> Findin
         unit = unit_vectors(vectors)
         turned = 2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(unit - unit[0], axis=1), 0.0, 1.0))
         if np.mean(turned > _CLEAR_TURN) > 0.05:
-            turns = f"{sensor.name!r} turns by up to {np.rad2deg(turned.max()):.0f} degrees"
+            turns = f" turns by up to {np.rad2deg(turned.max()):.0f} degrees"
             what = "the same" if shown.any() else "0"
             severity: Severity = "error" if stated.quotient(log, sensor.name) > 1.0 else "warning"
-            return Finding(severity, name, f"{what} in all of {len(shown)} rows, though {turns}: is it off?")
+            said = f"{what} in all of {len(shown)} rows, though ", Name(sensor.name), f"{turns}: is it off?"
+            return Finding(severity, name, said)
     return None
 
 
@@ -158,11 +161,11 @@ def gyro_against_direction(
         other, other_error = times_as_far(factor)
         if other_error < STANDARD_ERROR and LEAST <= other <= MOST:
             what = f"turns {factor * other:.3g} times as far as the rate says"
-            return WrongUnit("error", name, f"{what}, {like(factor, configuration)}")
+            return WrongUnit("error", name, (f"{what}, ", like(factor, configuration)))
     if (sizes < LARGEST_TURN).all() and getattr(configuration.flow, "unit", "") == "rad/s":
         mean = float(np.linalg.norm(turn.sum(axis=0)) / (ends - begins).sum())
         if said := _at_rest_in_degrees(changes, predicted, middles * (ends - begins)[:, None], mean):
-            return WrongUnit("error", name, said)
+            return WrongUnit("error", name, (said, unit_of_rates(configuration, "deg/s")))
     if error >= STANDARD_ERROR:
         return "unknown"
     severity: Severity = "warning" if is_accelerometer else "error"
@@ -182,7 +185,7 @@ def _at_rest_in_degrees(changes: FloatArray, predicted: FloatArray, lasting: Flo
         return ""
     return (
         f"does not turn as the rate says, {math.degrees(mean):.3g} deg/s in the mean; in deg/s that would be "
-        f"{mean:.3g} deg/s, as a bias may be: {write('flow.unit', 'deg/s')}"
+        f"{mean:.3g} deg/s, as a bias may be: "
     )
 
 
@@ -206,3 +209,14 @@ def _beside_bias(
         return None  # of a scale of 57 an error of 0.4 is little, and no bias makes 1 of it
     bias = to_bias @ (changes - predicted).ravel()
     return "unknown" if float(np.linalg.norm(bias)) <= _LARGEST_BIAS else None
+
+
+def unit_vectors(vectors: FloatArray) -> FloatArray:
+    """Vectors (..., 3) of length 1."""
+    unit: FloatArray = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return unit
+
+
+def spread_rows(count: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Indices spread over all rows, at most as many as are needed."""
+    return np.unique(np.linspace(0, count - 1, min(count, _PAIRS)).astype(np.intp))

@@ -20,6 +20,7 @@ from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.windows import MotionBounds
 from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.findings.finding import KEYS, Name, Said
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import Rule
 from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer, rotation_of_axes
@@ -54,9 +55,14 @@ class WrongAxes:
     fitting: tuple[tuple[float, FloatArray], ...]
     """What would fit, best first: the same quotient, and the axes (3, 3) as a configuration has them, left-handed ones
     too. Of the vector, the opposite fits as well."""
-    message: str
+    said: Said
     is_sure: bool = True
     """Whether what is stated, and no wider bounds, rules the stated axes out."""
+
+    @property
+    def message(self) -> str:
+        """What is said of the sensor, in the words of a configuration."""
+        return KEYS(self.said)
 
 
 @dataclass(frozen=True)
@@ -366,15 +372,21 @@ def _stated_angle(sensor: AnyDirection) -> float:
 def _wrong_sign(accelerometer: Accelerometer, sensor: AnyDirection, found: AngleMisfit, stated: float) -> WrongAxes:
     opposite = -rotation_of_axes(sensor.axes)
     turned = "down" if accelerometer.at_rest == "up" else "up"
-    message = (
-        f"its sign or that of {accelerometer.name!r} is not as stated: what they show is "
-        f"{math.degrees(found.median):.0f} degrees apart (median) and their references {math.degrees(stated):.0f}, "
-        f"{found.as_stated:.2g} times further off than bounds of motion, field and sensors allow. With one of the two "
-        f"turned round it fits ({found.opposite:.2g}): at_rest = '{turned}' for {accelerometer.name!r}, "
-        f"{axes_in_words(opposite, sensor.columns)} for {sensor.name!r}, or the opposite of its reference. Which one "
-        "no log can tell: compare what is up at rest with how the body lay"
+    up, field = Name(accelerometer.name), Name(sensor.name)
+    said = (
+        "its sign or that of ",
+        up,
+        f" is not as stated: what they show is {math.degrees(found.median):.0f} degrees apart (median) and their "
+        f"references {math.degrees(stated):.0f}, {found.as_stated:.2g} times further off than bounds of motion, field "
+        f"and sensors allow. With one of the two turned round it fits ({found.opposite:.2g}): "
+        f"at_rest = '{turned}' for ",
+        up,
+        f", {axes_in_words(opposite, sensor.columns)} for ",
+        field,
+        ", or the opposite of its reference. Which one no log can tell: compare what is up at rest with how the body "
+        "lay",
     )
-    return WrongAxes(sensor.name, found.as_stated, ((found.opposite, opposite),), message)
+    return WrongAxes(sensor.name, found.as_stated, ((found.opposite, opposite),), said)
 
 
 def _not_as_stated(quotient: float) -> str:

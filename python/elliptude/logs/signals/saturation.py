@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.findings.finding import Finding
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer
 from elliptude.logs.log import Log
@@ -88,15 +89,16 @@ class _Sensor:
         for component, column in zip(self.components, np.hstack([values, -values]).T, strict=True):
             component.add(column)
 
-    def said(self) -> str | None:
-        """What was found, in words."""
+    def found(self) -> Finding | None:
+        """What was found, if anything was."""
         worst = max(self.components, key=lambda one: one.count if one.largest >= self.least else 0)
         if worst.largest < self.least or not worst.count:
             return None
-        return (
-            f"{self.name}: its largest number, {worst.largest / self.scale:.5g} {self.unit}, in {worst.count} samples, "
+        said = (
+            f"its largest number, {worst.largest / self.scale:.5g} {self.unit}, in {worst.count} samples, "
             f"{_ON_END} or more on end: is that the end of its range? No bound covers what is beyond"
         )
+        return Finding("warning", self.name, said)
 
 
 class Saturation:
@@ -128,7 +130,7 @@ class Saturation:
         for i, sensor in self._accelerometers.items():
             sensor.add(log.directions[:, i])
 
-    def said(self) -> list[str]:
-        """What was found, a sentence for each sensor."""
+    def found(self) -> list[Finding]:
+        """What was found, one for each sensor."""
         sensors = [*([] if self._gyro is None else [self._gyro]), *self._accelerometers.values()]
-        return [said for sensor in sensors if (said := sensor.said()) is not None]
+        return [found for sensor in sensors if (found := sensor.found()) is not None]

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.findings.finding import Finding
 from elliptude.configuration.motion import GyroFlow
 from elliptude.io.readers.base import LogFile
 from elliptude.logs.log import Log, Samples
@@ -20,8 +21,8 @@ _LEAST_S = 1.0
 _LONGER = 10
 
 
-def stopped_sensors(samples: Sequence[Samples], log: Log) -> list[tuple[str, str]]:
-    """Names of sensors that stop before others, and where, in words.
+def stopped_sensors(samples: Sequence[Samples], log: Log) -> list[Finding]:
+    """Which sensors stop before others, and where.
 
     Parameters
     ----------
@@ -31,7 +32,7 @@ def stopped_sensors(samples: Sequence[Samples], log: Log) -> list[tuple[str, str
 
     Returns
     -------
-    list of pairs of str
+    list of Finding
     """
     found = []
     last = max((float(one.times[-1]) for one in samples if len(one.times)), default=0.0)
@@ -41,7 +42,8 @@ def stopped_sensors(samples: Sequence[Samples], log: Log) -> list[tuple[str, str
         left = last - float(one.times[-1])
         if left > max(_SILENT * float(np.median(np.diff(one.times))), _LEAST_S):
             row = int(np.clip(np.searchsorted(log.times, one.times[-1] - 1e-9), 0, len(log.times) - 1))
-            found.append((one.name, f"stops after {log.place(row)}; others go on for {left:.4g} s"))
+            said = f"stops after {log.place(row)}; others go on for {left:.4g} s"
+            found.append(Finding("warning", one.name, said))
     return found
 
 
@@ -105,8 +107,8 @@ class _Sensor:
         else:
             self.usual = max(self.usual, run.count)
 
-    def said(self, file: LogFile | None) -> str | None:
-        """What was found, in words; None if no run is out of the ordinary."""
+    def found(self, file: LogFile | None) -> Finding | None:
+        """What was found; None if no run is out of the ordinary."""
         end = np.nan if self.open is None else self.open.end
         self._close(self.open)
         self.open, run = None, self.longest
@@ -119,7 +121,8 @@ class _Sensor:
         (place,) = [""] if file is None or run.row < 0 else file.places_of_rows([run.row])
         where = f"{place} ({run.begin:.6f} s)" if place else f"{run.begin:.6f} s"
         goes_on = "to its end" if run.end == end else f"for {run.end - run.begin:.4g} s"
-        return f"shows the same from {where} on, {goes_on} ({run.count} samples): is it stuck?"
+        said = f"shows the same from {where} on, {goes_on} ({run.count} samples): is it stuck?"
+        return Finding("warning", self.name, said)
 
 
 class Stuck:
@@ -148,7 +151,6 @@ class Stuck:
             there = np.flatnonzero(np.isfinite(log.directions[:, i, 0]))
             sensor.add(log.times[there], rows[there], log.directions[there, i])
 
-    def said(self) -> list[tuple[str, str]]:
-        """What was found: names of sensors, and what is said of each."""
-        sensors = [self._rate, *self._directions]
-        return [(one.name, said) for one in sensors if (said := one.said(self._file)) is not None]
+    def found(self) -> list[Finding]:
+        """What was found, one for each sensor."""
+        return [found for one in (self._rate, *self._directions) if (found := one.found(self._file)) is not None]

@@ -83,7 +83,7 @@ def _verdict_of(recording: Recording, configuration: Configuration, *, smooth: b
             try:
                 estimation = estimated(file, configuration, smooth=smooth)
             except ImplausibleError as error:
-                implausible = "; ".join(error.errors)
+                implausible = "; ".join(map(str, error.errors))
                 regardless = configuration.model_copy(update={"implausible": "ignore"})
                 estimation = estimated(file, regardless, smooth=smooth)
             verdict = judge(recording, configuration, estimation)

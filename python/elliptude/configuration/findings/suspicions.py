@@ -14,6 +14,7 @@ import numpy as np
 from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import HandHeldRule
+from elliptude.configuration.findings.finding import Finding, Key, Remedy, Said
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import Carried
 from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer
@@ -67,21 +68,9 @@ _NEXT_TO_NOTHING_DEG = 90.0
 _LONGEST_S = 600.0
 
 
-@dataclass(frozen=True)
-class Suspicion:
-    """A statement that is far from what is usual."""
-
-    sensor: str
-    message: str
-
-    def __str__(self) -> str:
-        """The statement, and why it is suspicious."""
-        return f"{self.sensor}: {self.message}"
-
-
 def of_rule(
     numbers: Mapping[str, Mapping[str, Any]], *, stated: str = "stated", carried: Carried = "hand"
-) -> list[Suspicion]:
+) -> list[Finding]:
     """What is suspicious in a rule.
 
     Parameters
@@ -95,7 +84,7 @@ def of_rule(
 
     Returns
     -------
-    list of Suspicion
+    list of Finding
     """
     names = {name for name, _ in _USUAL}
     # A rule may be without a magnetometer.
@@ -103,7 +92,7 @@ def of_rule(
     return [one for name, table in tables.items() for one in _of_table(name, table, name, stated, carried)]
 
 
-def of_configuration(configuration: Configuration) -> list[Suspicion]:
+def of_configuration(configuration: Configuration) -> list[Finding]:
     """What is suspicious in a configuration.
 
     Parameters
@@ -112,7 +101,7 @@ def of_configuration(configuration: Configuration) -> list[Suspicion]:
 
     Returns
     -------
-    list of Suspicion
+    list of Finding
     """
     rule, found = configuration.rule, of_units(configuration)
     if rule is not None:
@@ -130,7 +119,7 @@ def of_configuration(configuration: Configuration) -> list[Suspicion]:
     return found
 
 
-def of_units(configuration: Configuration) -> list[Suspicion]:
+def of_units(configuration: Configuration) -> list[Finding]:
     """What is suspicious in a configuration since it would be as usual in another unit.
 
     Parameters
@@ -139,13 +128,15 @@ def of_units(configuration: Configuration) -> list[Suspicion]:
 
     Returns
     -------
-    list of Suspicion
+    list of Finding
+        What is stated of gravity first: if it is wrong, a field may contradict because of it.
     """
     found = []
     for sensor in configuration.directions:
         if isinstance(sensor, Accelerometer):
             found += _of_gravity(sensor, configuration)
-        elif isinstance(sensor, Magnetometer) and sensor.reference_ut is not None:
+    for sensor in configuration.directions:
+        if isinstance(sensor, Magnetometer) and sensor.reference_ut is not None:
             found += _of_reference(sensor, np.asarray(sensor.reference_ut, dtype=np.float64))
     return found
 
@@ -156,34 +147,36 @@ def stated_gravity(sensor: Accelerometer, configuration: Configuration) -> float
     return sensor.gravity_m_per_s2 if rule is None else rule.rule().accelerometer.gravity_m_per_s2
 
 
-def _of_gravity(sensor: Accelerometer, configuration: Configuration) -> list[Suspicion]:
+def _of_gravity(sensor: Accelerometer, configuration: Configuration) -> list[Finding]:
     gravity = stated_gravity(sensor, configuration)
     if _LEAST_GRAVITY <= gravity <= _MOST_GRAVITY:
         return []
-    key = "gravity_m_per_s2" if configuration.rule is None else "rule.accelerometer.gravity_m_per_s2"
-    said = f"{key} = {gravity:g} is not that of the Earth, {_LEAST_GRAVITY:g} to {_MOST_GRAVITY:g} m/s²"
-    in_g = f"; as a number in g it would be: write {key} = {gravity * STANDARD_GRAVITY:.5g}"
-    fits = _LEAST_GRAVITY <= gravity * STANDARD_GRAVITY <= _MOST_GRAVITY
-    return [Suspicion(sensor.name, f"{said}{in_g if fits else ''}")]
+    key = Key("accelerometer", "gravity_m_per_s2")
+    if configuration.rule is not None:
+        key = Key("rule", "accelerometer.gravity_m_per_s2")
+    said: Said = key, f" = {gravity:g} is not that of the Earth, {_LEAST_GRAVITY:g} to {_MOST_GRAVITY:g} m/s²"
+    if _LEAST_GRAVITY <= gravity * STANDARD_GRAVITY <= _MOST_GRAVITY:
+        in_g = Remedy(key, gravity, gravity * STANDARD_GRAVITY)
+        said = said, "; as a number in g it would be: ", in_g
+    return [_suspicious(sensor.name, said)]
 
 
-def _of_reference(sensor: Magnetometer, field: FloatArray) -> list[Suspicion]:
+def _of_reference(sensor: Magnetometer, field: FloatArray) -> list[Finding]:
     strength = float(np.linalg.norm(field))
     if WEAKEST_FIELD_UT <= strength <= STRONGEST_FIELD_UT:
         return []
-    said = (
-        f"reference_ut is {strength:.4g} µT long, which is not the Earth's field ({WEAKEST_FIELD_UT:g} to "
-        f"{STRONGEST_FIELD_UT:g} µT)"
-    )
+    key = Key("magnetometer", "reference_ut")
+    earths = f"({WEAKEST_FIELD_UT:g} to {STRONGEST_FIELD_UT:g} µT)"
+    said: Said = key, f" is {strength:.4g} µT long, which is not the Earth's field {earths}"
     for factor in _TO_MICROTESLA:
         if WEAKEST_FIELD_UT <= factor * strength <= STRONGEST_FIELD_UT:
-            meant = ", ".join(f"{factor * part:.4g}" for part in field)
-            return [Suspicion(sensor.name, f"{said}; times {factor:g} it would be: write reference_ut = [{meant}]")]
+            in_microtesla = Remedy(key, tuple(map(float, field)), tuple(map(float, factor * field)))
+            return [_suspicious(sensor.name, (said, f"; times {factor:g} it would be: ", in_microtesla))]
     is_odd = not WEAKEST_BESIDE_UT <= strength <= STRONGEST_BESIDE_UT
-    return [Suspicion(sensor.name, said)] if is_odd else []
+    return [_suspicious(sensor.name, said)] if is_odd else []
 
 
-def of_duration(gyro: Mapping[str, Any], lasted: float, carried: Carried = "hand") -> list[Suspicion]:
+def of_duration(gyro: Mapping[str, Any], lasted: float, carried: Carried = "hand") -> list[Finding]:
     """What is suspicious of a recording that lasts longer than the rules of the package are for.
 
     Parameters
@@ -197,7 +190,7 @@ def of_duration(gyro: Mapping[str, Any], lasted: float, carried: Carried = "hand
 
     Returns
     -------
-    list of Suspicion
+    list of Finding
         None if a drift is stated, or more is left of the bias than by the rule.
     """
     usual = rules.rule_for(carried).gyro.bias_deg_per_s
@@ -207,10 +200,10 @@ def of_duration(gyro: Mapping[str, Any], lasted: float, carried: Carried = "hand
         f"the recording lasts {lasted / 60.0:.3g} minutes, and the numbers of the rules are for up to ten: a gyro's "
         "bias drifts as it warms up. State bias_deg_per_s for all of it, or drift_deg_per_s2, or cut the recording"
     )
-    return [Suspicion("gyro", said)]
+    return [_suspicious("gyro", said)]
 
 
-def of_configured_duration(configuration: Configuration, lasted: float) -> list[Suspicion]:
+def of_configured_duration(configuration: Configuration, lasted: float) -> list[Finding]:
     """The same of a configuration with a rule, or with the numbers of one, as `carried` says."""
     if configuration.rule is not None:
         rule = configuration.rule.rule()
@@ -221,7 +214,7 @@ def of_configured_duration(configuration: Configuration, lasted: float) -> list[
     return of_duration(flow.model_dump(mode="json"), lasted, configuration.carried)
 
 
-def _of_sensor(sensor: AnyDirection, carried: Carried) -> Iterator[Suspicion]:
+def _of_sensor(sensor: AnyDirection, carried: Carried) -> Iterator[Finding]:
     bound = sensor.bound_from
     if isinstance(bound, VelocityWindowBound):
         yield from _of_table("motion", bound.model_dump(exclude_none=True), sensor.name, "stated", carried)
@@ -232,12 +225,10 @@ def _of_sensor(sensor: AnyDirection, carried: Carried) -> Iterator[Suspicion]:
         yield from _of_table(sensor.kind, errors, sensor.name, "stated", carried)
     angle = getattr(bound, "angle_deg", sensor.bound_deg)
     if angle is not None and angle + math.degrees(sensor.added_angle) >= _NEXT_TO_NOTHING_DEG:
-        yield Suspicion(sensor.name, f"a bound of {angle:.3g} degrees says next to nothing of where it points")
+        yield _suspicious(sensor.name, f"a bound of {angle:.3g} degrees says next to nothing of where it points")
 
 
-def _of_table(
-    table: str, numbers: Mapping[str, Any], sensor: str, stated: str, carried: Carried
-) -> Iterator[Suspicion]:
+def _of_table(table: str, numbers: Mapping[str, Any], sensor: str, stated: str, carried: Carried) -> Iterator[Finding]:
     rule = rules.rule_for(carried).model_dump(mode="json")[table]
     where = "in the hand" if carried == "hand" else f"on a {carried}"
     for key, value in numbers.items():
@@ -247,7 +238,11 @@ def _of_table(
         compared = f"{stated} is {key} = {value:.4g}, {{}} that of the rule for a sensor {where}, {standard:g}"
         if value > usual.most * standard:
             meaning = usual.meaning if carried == "hand" else _ANOTHER_UNIT
-            yield Suspicion(sensor, f"{compared.format(f'{value / standard:.3g} times')}: {meaning}")
+            yield _suspicious(sensor, f"{compared.format(f'{value / standard:.3g} times')}: {meaning}")
         elif value < usual.least * standard:
             how = "against" if value == 0.0 else f"{value / standard:.1e} of"
-            yield Suspicion(sensor, f"{compared.format(how)}: {usual.why_not_less}")
+            yield _suspicious(sensor, f"{compared.format(how)}: {usual.why_not_less}")
+
+
+def _suspicious(sensor: str, said: Said) -> Finding:
+    return Finding("warning", sensor, said)

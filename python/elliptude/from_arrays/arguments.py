@@ -1,0 +1,49 @@
+"""What `elliptude.ahrs` calls sensors, units and statements: its arguments."""
+
+from elliptude.configuration.findings.finding import Key, Name, Remedy, Words
+
+OF_KINDS = {"gyro": "gyr", "accelerometer": "acc", "magnetometer": "mag"}
+"""The argument for each kind of sensor."""
+_TIMES = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
+
+
+class ArgumentWords(Words):
+    """Sensors and units by the names of arguments, and a rule's keys as its file has them."""
+
+    if_right = "If it is right as it is: implausible='ignore'"
+
+    def sensor(self, name: str) -> str:
+        """The argument that has what the sensor measured; directions are named after theirs."""
+        return "gyr" if name == "the gyro" else name
+
+    def name(self, name: Name) -> str:
+        """The same within a sentence."""
+        return self.sensor(name.sensor)
+
+    def key(self, key: Key) -> str:
+        """An argument; a key of the file ``statements``; or what is made of an argument."""
+        match key.of, key.name:
+            case ("rule", name):
+                return name
+            case ("magnetometer", "reference_ut"):
+                return "the reference that is made of it"
+        return f"{OF_KINDS[key.of]}_{key.name}"
+
+    def remedy(self, remedy: Remedy) -> str:
+        """What to give; of times a question, as they have no unit."""
+        if remedy.key.of == "time":
+            return f"time is in s: are they {_TIMES[str(remedy.meant)]}?"
+        return super().remedy(remedy)
+
+    def to_state(self, remedy: Remedy) -> str:
+        """What to give."""
+        if remedy.key.of == "rule":
+            return super().to_state(remedy)
+        if remedy.key.name == "reference_ut":
+            return "is mag_unit right?"
+        if remedy.meant == "normalized":
+            return "mag_unit='uT', and multiply mag by the field of the place in µT"
+        return f"{self.key(remedy.key)}='{remedy.meant}'"
+
+
+ARGUMENTS = ArgumentWords()
