@@ -9,7 +9,7 @@
 #include "elliptude/linear/triangular.hpp"
 #include "elliptude/sets/detail/affine_search.hpp"
 #include "elliptude/sets/detail/bordered_system.hpp"
-#include "elliptude/sets/detail/multiplier_step.hpp"
+#include "elliptude/sets/quadric.hpp"
 
 namespace elliptude {
 
