@@ -805,3 +805,11 @@ TEST_CASE("a combination with a multiplier below zero is no bound, whoever asks 
   CHECK(problem.combine({1.0, -0.75}, it) == Status::out_of_range);
   CHECK(problem.combine({1.0, std::numeric_limits<double>::quiet_NaN()}, it) == Status::out_of_range);
 }
+
+TEST_CASE("only multipliers that are numbers and not below zero may be summed") {
+  const double no_number = std::numeric_limits<double>::quiet_NaN();
+  CHECK(detail::may_sum(std::array<double, 3>{1, 0, 2}, 3));
+  CHECK(detail::may_sum(std::array<double, 3>{1, 0, -1}, 2));  // the third is none of them
+  CHECK_FALSE(detail::may_sum(std::array<double, 3>{1, 0, -1e-300}, 3));
+  CHECK_FALSE(detail::may_sum(std::array<double, 3>{1, no_number, 0}, 3));
+}

@@ -148,8 +148,8 @@ class GuaranteedFilter {
   /// \param set its set, or null if it did not know the attitude.
   /// \param vector what it knew without the attitude, or null.
   /// \return `out_of_range` of both, of a negative count, and of what limits leave out: a vector
-  /// (`ELLIPTUDE_ONLY_WHOLE_STATES`), or dropped measurements (`ELLIPTUDE_ONLY_POLICY`); the status of `start`, but for `empty_intersection`, and
-  /// of `bound_vector`.
+  /// (`ELLIPTUDE_ONLY_WHOLE_STATES`), or dropped measurements (`ELLIPTUDE_ONLY_POLICY`); the status of `start`, but for
+  /// `empty_intersection`, and of `bound_vector`.
   [[nodiscard]] Status resume(const Set* set, const Ellipsoid<Scalar, 3>* vector, const Trust& trust) noexcept {
     if (trust.agreeing_updates() < 0 || trust.disputed_updates() < 0 || (set != nullptr && vector != nullptr) ||
         (only_whole_states && vector != nullptr) || (!may_drop && trust.rests_on_drops())) {

@@ -5,9 +5,12 @@
 /// largest point for given multipliers in closed form, a step works with N rows instead of N + 1 for each constraint.
 /// (theory, section 16.12)
 
+#include <algorithm>
+#include <limits>
+
 #include "elliptude/base/limits.hpp"
 #include "elliptude/linear/cholesky.hpp"
-#include "elliptude/sets/detail/multiplier_step.hpp"
+#include "elliptude/sets/detail/multipliers.hpp"
 
 namespace elliptude::detail {
 
@@ -58,7 +61,7 @@ class AffineSearch {
     Scalar scale;                           // what the multipliers were multiplied by to be at their best
   };
 
-  /// The ball as if it were alone, where D is 2‖w‖, and as much for the others together.
+  /// The ball as if it were alone, where D is 2‖w‖, and half as much for the others together.
   [[nodiscard]] bool start() noexcept {
     const Scalar alone = w_.norm();
     if (!(alone > Scalar(0))) {
@@ -67,7 +70,7 @@ class AffineSearch {
     Multipliers mu;
     mu[0] = alone;
     for (std::size_t k = 1; k < count_; ++k) {
-      mu[k] = alone / number(count_ - 1);
+      mu[k] = scalar::constant<Scalar>(0.5L) * alone / number(count_ - 1);
     }
     if (!evaluate(mu, now_)) {
       return false;

@@ -11,6 +11,7 @@
 #include "elliptude/base/out_of_line.hpp"
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/cholesky.hpp"
+#include "elliptude/sets/detail/multipliers.hpp"
 #include "elliptude/sets/quadric.hpp"
 
 namespace elliptude {
@@ -134,11 +135,9 @@ class ManyQuadrics {
     return sum;
   }
 
-  /// \return `not_positive_definite` if A is not; `out_of_range` of a multiplier below zero, with which the combination
-  /// bounds nothing and proves nothing: whoever searches, a bound rests on what is checked here alone.
+  /// \return `not_positive_definite` if A is not; `out_of_range` of multipliers that are none.
   [[nodiscard]] Status combine(const Multipliers& multipliers, Iterate& it) const noexcept {
-    if (!std::all_of(multipliers.begin(), multipliers.begin() + count,
-                     [](const Scalar& mu) { return mu >= Scalar(0); })) {
+    if (!may_sum(multipliers, count)) {
       return Status::out_of_range;
     }
     Matrix<Scalar, N> a;

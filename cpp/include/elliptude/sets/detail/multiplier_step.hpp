@@ -15,20 +15,6 @@
 
 namespace elliptude::detail {
 
-/// How much of a step stays above zero, up to a share of the way there.
-/// \param from, along arrays of `count` numbers, the first positive.
-template <typename Scalar, std::size_t Most>
-[[nodiscard]] Scalar longest_step(const std::array<Scalar, Most>& from, const std::array<Scalar, Most>& along,
-                                  std::size_t count, const Scalar& share) noexcept {
-  Scalar length(1);
-  for (std::size_t k = 0; k < count; ++k) {
-    if (length * along[k] < -share * from[k]) {
-      length = -share * from[k] / along[k];
-    }
-  }
-  return length;
-}
-
 /// A step of Newton's method for multipliers that stay above zero: the Δμ that is best for ∇Fᵀ Δμ + ½ Δμᵀ ∇²F Δμ among
 /// those that take no multiplier lower than a share of what it is.
 template <typename Scalar>
@@ -95,8 +81,9 @@ class MultiplierStep {
     return slope_ < Scalar(0) && gain_ > scalar::constant<Scalar>(0.9L) * accuracy;  // F is not quite its model
   }
 
-  /// The multipliers at the end of the step, each positive whatever rounding made of the step. The first time each that grows does so as if ∂F were linear in 1/μ, as it is
-  /// where a constraint is all that bounds a coordinate: from μ and Δμ to μ²/(μ − Δμ), and no more than as far again.
+  /// The multipliers at the end of the step, each positive whatever rounding made of the step. When a step is tried for
+  /// the first time, those that grow do so as if ∂F were linear in 1/μ, as it is where a constraint is all that bounds a
+  /// coordinate: from μ and Δμ to μ²/(μ − Δμ), and no more than as far again.
   ELLIPTUDE_OUT_OF_LINE void put_end(const Multipliers& from, Multipliers& next) const noexcept {
     const Scalar half = scalar::constant<Scalar>(0.5L);
     for (std::size_t k = 0; k < count_; ++k) {

@@ -9,6 +9,7 @@
 #include "elliptude/linear/triangular.hpp"
 #include "elliptude/sets/detail/affine_search.hpp"
 #include "elliptude/sets/detail/bordered_system.hpp"
+#include "elliptude/sets/detail/multipliers.hpp"
 #include "elliptude/sets/quadric.hpp"
 
 namespace elliptude {
@@ -88,7 +89,7 @@ class QuotientSearch {
 
  private:
   static constexpr std::size_t most = most_questioned + 2;
-  static constexpr int longest_move = 6;
+  static constexpr int longest_move = 4;
   using Unknowns = std::array<Scalar, most>;
 
   /// Whether the question is how large a number is that is linear in y.
@@ -217,7 +218,7 @@ class QuotientSearch {
   }
 
   /// A step of Newton's method. With H and h the barrier's second derivatives and slope it is H⁻¹(h − e/τ), e the unit
-  /// vector of s, and τ is the one that makes it six units long in the metric of H; one unit would be sure to stay
+  /// vector of s, and τ is the one that makes it four units long in the metric of H; one unit would be sure to stay
   /// inside.
   /// \return whether there was one.
   [[nodiscard]] bool take_step() noexcept {
@@ -240,7 +241,7 @@ class QuotientSearch {
     Unknowns move;
     system_.solve(move);
     const Form change = combined(move);
-    const Scalar length = scalar::constant<Scalar>(0.95L) * longest(move, change);
+    const Scalar length = scalar::constant<Scalar>(0.8L) * longest(move, change);
     for (std::size_t k = 0; k <= constraints_; ++k) {
       x_[k] += length * move[k];
     }
@@ -266,6 +267,9 @@ class QuotientSearch {
   /// About the least s for these multipliers, with all that rounding may have done.
   /// \return whether the multipliers prove any.
   [[nodiscard]] bool least_for_multipliers(Scalar& least) const noexcept {
+    if (!may_sum(x_, constraints_)) {
+      return false;
+    }
     Unknowns x = x_;
     Scalar& s = x[constraints_];
     RootFreeFactor<Scalar, N + 1> factor;
