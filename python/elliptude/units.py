@@ -38,7 +38,7 @@ SPELLINGS: dict[str, str] = {
 """How headers of files spell some of these units."""
 
 
-SELDOM_S, OFTEN_S = 0.9, 1e-5
+SELDOM_S, OFTEN_S = 0.9, 2.8e-5
 """s; few gyros are read so seldom, unless it is on a spacecraft, and no sensor is read so often."""
 
 

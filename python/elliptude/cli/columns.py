@@ -178,6 +178,10 @@ def in_words(tables: Tables) -> list[str]:
 class OptionWords(Words):
     """What the options of `bounds` call the units of columns."""
 
+    if_right = (
+        "If it is right as it is, leave out --out and --rule, or give a configuration that says implausible = 'ignore'"
+    )
+
     def to_state(self, remedy: Remedy) -> str:
         """Which option to give."""
         if remedy.key.name not in {"unit", "time_unit"}:

@@ -29,6 +29,7 @@ from elliptude.io.toml import (
     Column,
     Columns,
     FieldVector,
+    Gravity,
     Matrix,
     Model,
     NonzeroVector,
@@ -270,7 +271,7 @@ class Accelerometer(DirectionBase):
     unit: units.AccelerationUnit
     # Which way its vector points at rest: "down" is for drivers that report the opposite, and its sign is reversed.
     at_rest: Literal["up", "down"] = "up"
-    gravity_m_per_s2: PositiveSize = units.STANDARD_GRAVITY
+    gravity_m_per_s2: Gravity = units.STANDARD_GRAVITY
     sensor_error: AccelerometerError = AccelerometerError()
     bound_from: Annotated[AngleBound | AccelerationBound | VelocityWindowBound, Field(discriminator="kind")] | None = (
         None

@@ -13,8 +13,8 @@ class ArgumentWords(Words):
     if_right = "If it is right as it is: implausible='ignore'"
 
     def sensor(self, name: str) -> str:
-        """The argument that has what the sensor measured; directions are named after theirs."""
-        return "gyr" if name == "the gyro" else name
+        """The argument that has what a sensor, or one of a rule, measured; directions are named after theirs."""
+        return "gyr" if name == "the gyro" else OF_KINDS.get(name, name)
 
     def name(self, name: Name) -> str:
         """The same within a sentence."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude._arrays import unmasked
-from elliptude.logs.alignment import LARGEST_TIME_S
+from elliptude.logs.alignment import LARGEST_TIME_S, SHORTEST_VECTOR, without_direction
 from elliptude.typing import FloatArray
 from elliptude.units import SELDOM_S
 
@@ -71,6 +71,8 @@ def vectors_of(name: str, values: Any, unit: str, count: int, *, may_be_missing:
     _refuse(missing & ~rows, name, vectors, "but other components of that row are numbers")
     if may_be_missing:
         _refuse((vectors == 0.0).all(axis=1), name, vectors, "without a direction: NaN is what was not measured")
+        small = f"below {SHORTEST_VECTOR:g} {unit} in size: without a direction"
+        _refuse(without_direction(vectors), name, vectors, small)
     if missing.all():
         raise ValueError(f"{name}: no row has numbers")
     return vectors

@@ -89,6 +89,8 @@ NotNegative = Annotated[Number, Field(ge=0)]
 Size = Annotated[Number, Field(ge=0, le=1e9)]
 """A length, a duration, a rate or the like, in units of which nobody has more."""
 PositiveSize = Annotated[Number, Field(gt=0, le=1e9)]
+Gravity = Annotated[Number, Field(ge=1e-9, le=1e9)]
+"""m/s²; less is that of a stone."""
 SignedSize = Annotated[Number, Field(ge=-1e9, le=1e9)]
 Bound = Annotated[Positive, AfterValidator(_squarable)]
 Angle = Annotated[Bound, Field(lt=180)]

@@ -21,6 +21,9 @@ from elliptude.typing import FloatArray
 LARGEST_VALUE = 1e30
 """No sensor measures more, in any unit; the squares of larger numbers are soon beyond what a double holds."""
 
+SHORTEST_VECTOR = 1e-130
+"""Largest component of a vector, in any unit, below which it has no direction: its square is rounded to nothing."""
+
 ROUNDING_OF_STAMPS_S = 1e-9
 """Stamps that are no further apart than this differ by rounding alone."""
 
@@ -312,6 +315,21 @@ def _require_times(rows: _Rows, clock: Clock, present: BoolArray, origin: int) -
         rows.refuse(far, clock.column, f"{_is_no_time(float(seconds[np.argmax(far)]))}{usual}")
 
 
+def without_direction(vectors: FloatArray) -> BoolArray:
+    """Which vectors (N, 3) are zero, or so short that they have no direction.
+
+    Parameters
+    ----------
+    vectors : ndarray, shape (N, 3)
+
+    Returns
+    -------
+    ndarray of bool, shape (N,)
+    """
+    short: BoolArray = (np.abs(vectors) < SHORTEST_VECTOR).all(axis=1)
+    return short
+
+
 def _usual_step(step: float, unit: units.TimeUnit) -> str:
     """How far stamps are apart, s, and the unit in which that would be as of a sensor."""
     meant = units.other_time_unit(unit, lambda factor: units.OFTEN_S <= factor * step < units.SELDOM_S)
@@ -358,8 +376,10 @@ def _take_samples(rows: _Rows, clock: Clock, channel: Channel, stamps: _Stamps) 
     for i in range(channel.vectors):
         names = channel.columns[3 * i : 3 * i + 3]
         zero = np.zeros(len(measured), bool)
-        zero[measured] = ~values[measured, 3 * i : 3 * i + 3].any(axis=1)
-        rows.refuse(zero, names[0], f"{channel.name!r} has no direction: {' '.join(names)} are all zero")
+        of_one = values[:, 3 * i : 3 * i + 3]
+        zero[measured] = without_direction(of_one[measured])
+        size = f"all below {SHORTEST_VECTOR:g} in size" if of_one[int(np.argmax(zero))].any() else "all zero"
+        rows.refuse(zero, names[0], f"{channel.name!r} has no direction: {' '.join(names)} are {size}")
     at = np.flatnonzero(measured)
     times = stamps.times[measured[stamps.present]]
     is_first = np.diff(times, prepend=channel.last_time) > 0.0

@@ -62,9 +62,13 @@ class Heard:
     of_units: dict[str, Finding] = field(default_factory=dict)
     """Of all this what would be usual in another unit, in the log or in the configuration, by the sensor's name."""
 
+    stuck: list[Finding] = field(default_factory=list)
+    """Sensors that showed the same for long, as far as the log was read."""
+
     def beside(self, errors: Sequence[Finding] = (), words: Words = KEYS) -> str:
         """What may be why anything else failed, as further sentences with a blank before them; else empty."""
-        others = [one.in_words(words) for one in dict.fromkeys(self.of_units.values()) if one not in errors]
+        causes = dict.fromkeys([*self.of_units.values(), *self.stuck])
+        others = [one.in_words(words) for one in causes if one not in errors]
         return f" Suspicious: {sentence('; '.join(others))}" if others else ""
 
     def after(self, message: str, words: Words = KEYS) -> str:
@@ -116,13 +120,15 @@ def plausible_pieces(
             continue
         waiting.append(piece)
         if sum(len(part.times) for part in waiting) >= BLOCK_ROWS:
+            heard.stuck = stuck.found()
             is_told = _require_plausible(joined(waiting), configuration, stated, name, heard)
             yield from waiting
             waiting = []
+    heard.stuck = stuck.found()
     if waiting:
         _require_plausible(joined(waiting), configuration, stated, name, heard)
         yield from waiting
-    heard.suspicious += [*saturation.found(), *stuck.found()]
+    heard.suspicious += [*saturation.found(), *heard.stuck]
     if begin is not None and end is not None:
         heard.suspicious += suspicions.of_configured_duration(configuration, float(end - begin))
 

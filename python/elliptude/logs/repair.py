@@ -17,7 +17,7 @@ from elliptude.io.files import FileError
 from elliptude.io.readers.base import Batch, Cells, LogFile
 from elliptude.io.readers.text.csv import CsvTable
 from elliptude.io.readers.text.folder import CsvFolder
-from elliptude.logs.alignment import LARGEST_VALUE, Channel, Clock
+from elliptude.logs.alignment import LARGEST_VALUE, Channel, Clock, without_direction
 from elliptude.logs.order_of_rows import Rows, contradicting, counter_size, out_of_order
 from elliptude.typing import FloatArray
 
@@ -304,7 +304,7 @@ def _bad_samples(batch: Batch, channel: Channel) -> dict[str, Rows]:
     partly |= there[:, main].all(axis=1) & empty.any(axis=1) & ~nan & ~infinite & ~huge
     zero = np.zeros(len(values), bool)
     for i in range(channel.vectors):
-        zero |= there.all(axis=1) & ~values[:, 3 * i : 3 * i + 3].any(axis=1)
+        zero |= there.all(axis=1) & without_direction(values[:, 3 * i : 3 * i + 3])
     faults = {
         "with NaN": nan,
         "that are infinite": infinite,

@@ -145,6 +145,10 @@ CONFIGS = {
         CONFIG.replace('kind = "accelerometer"', "reference = [0, 0, -1e-131]").replace('unit = "m/s^2"', ""),
         "directions[0].reference: must be at least 1e-130 long, where the core holds its square, not [0, 0, -1e-131]",
     ),
+    "no gravity to speak of": (
+        CONFIG.replace('unit = "m/s^2"', 'unit = "m/s^2"\ngravity_m_per_s2 = 1e-310', 1),
+        "directions[0].gravity_m_per_s2: must be at least 1e-09, not 1e-310",
+    ),
     "short reference direction": (
         CONFIG.replace('kind = "accelerometer"', "reference = [0, 1]").replace('unit = "m/s^2"', ""),
         "config.toml: directions[0].reference[2]: missing: the list has too few values",

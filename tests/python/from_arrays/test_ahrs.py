@@ -299,6 +299,7 @@ def test_an_acceleration_that_a_rule_states_is_suspicious(recording, tmp_path):
         ({"acc": changed(FORCES, (5, 1), 1e300)}, r"acc\[5, 1\] is 1e\+300, more than 1e\+09 m/s\^2 in size"),
         ({"acc": changed(FORCES, (5, 1), np.nan)}, r"acc\[5, 1\] is nan, but other components"),
         ({"acc": changed(FORCES, 5, 0.0)}, r"acc\[5\] is .*without a direction"),
+        ({"acc": changed(FORCES, 5, 1e-200)}, r"acc\[5\] is .*below 1e-130 m/s\^2 in size: without a direction"),
         ({"acc": FORCES / 9.80665}, r"acc: its median norm is 1 m/s\^2, which is not gravity .*acc_unit='g'"),
         ({"acc": np.full((300, 3), np.nan)}, "acc: no row has numbers"),
         ({"acc": np.full((300, 3), "a")}, "acc: an array of <U1, not of numbers"),
@@ -379,7 +380,7 @@ def test_a_strong_field_that_is_the_same_everywhere_is_no_wrong_unit(recording, 
     """860 µT, as in a coil: disturbances are counted from the field of the rest, and no other unit explains it."""
     times, rates, forces, fields, _ = recording
     result = el.ahrs(times, rates, forces, 860.0 / np.hypot(20.0, 40.0) * fields, mag_unit="uT", statements=statements)
-    assert not any("counts too little" in note for note in result.notes)
+    assert not any("as they count" in note for note in result.notes)
 
 
 @pytest.mark.parametrize(("factor", "stated", "meant"), [(1.0, "T", "uT"), (1e-6, "uT", "T"), (1e3, "uT", "nT")])
@@ -402,8 +403,8 @@ def test_a_field_that_is_refused_names_its_limit(recording):
         (1e3, "uT", "4.47", f"{most:.4g} uT"),
         (1.0, "T", "44.7", f"{most * 1e-6:.4g} T"),
     ):
-        said = rf"mag: its median norm is {number}\S* {unit}, .*, and what is stated of its errors in µT counts too "
-        said += rf"little: with the Earth's 70 µT it allows at most {re.escape(limit)}"
+        said = rf"mag: its median norm is {number}\S* {unit}, .*; its errors in µT as they count allow at most "
+        said += rf"{re.escape(limit)}, beside the Earth's 70 µT"
         with pytest.raises(ValueError, match=said):
             el.ahrs(times, rates, forces, factor * fields, mag_unit=unit)
 
@@ -432,6 +433,14 @@ def test_a_reference_that_nobody_stated_is_no_argument(recording):
         el.ahrs(times, rates, forces, 1e3 * fields, mag_unit="uT", statements="recording")
     assert "reference_ut" not in str(error.value)
     assert "is mag_unit right?" in str(error.value)
+
+
+def test_a_gyro_that_is_stuck_is_named_beside_the_sensor_that_seems_wrong():
+    """Where it stopped the magnetometer turns on, and not as the gyro says."""
+    times, rates, forces, fields, _ = made(count=3000)
+    rates[800:] = rates[800]
+    with pytest.raises(ValueError, match=r"mag: does not turn .* Suspicious: gyr: shows the same from row 800"):
+        el.ahrs(times, rates, forces, fields, mag_unit="uT")
 
 
 def test_directions_are_called_as_the_arguments_are(recording):

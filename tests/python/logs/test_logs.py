@@ -421,6 +421,7 @@ GOOD = "0,0,0,0,1,0,0,1,0,0"
             r"line 3, column 2 \(gx\): 3 s after the sample of the",
         ),
         ((GOOD, "1,0,0,0,0,0,0,1,0,0"), {}, r"line 3, column 5 \(ax\): 'up' has no direction: ax ay az are all zero"),
+        ((GOOD, "1,0,0,0,0,0,1e-200,1,0,0"), {}, r"'up' has no direction: ax ay az are all below 1e-130 in size"),
         ((GOOD, "1,0,0,zero,1,0,0,1,0,0"), {}, r"line 3, column 4 \(gz\): not a number: 'zero'"),
         ((GOOD, "1,0,0,0,1,0,0,1,0"), {}, "line 3: 9 columns, but the header has 10"),
         ((), {}, "a header, but no rows below it"),

@@ -158,12 +158,16 @@ def test_an_acceleration_that_no_unit_explains_is_suspicious(tmp_path, factor):
 
 def test_bounds_refuse_what_their_user_states(tmp_path):
     """An accelerometer whose own bounds rule out what it shows, and a field above all that is stated."""
-    for factors, said in (({"acc": 1e3 / GRAVITY}, 'write unit = "mg"'), ({"mag": 1e6}, "counts too little")):
+    for factors, said in (({"acc": 1e3 / GRAVITY}, 'write unit = "mg"'), ({"mag": 1e6}, "as they count allow at most")):
         log = written(tmp_path, arrays(factors))
         for bounds in ("rule", "sensor"):
             code, output = run("bounds", log, stated(tmp_path, bounds), "--out", tmp_path / "new.toml")
             assert code == 1, output
             assert said in output
+            assert "--ignore-implausible of estimate" in output
+        code, output = run("bounds", log, *named(), "--out", tmp_path / "new.toml")
+        assert "--ignore-implausible" not in output
+        (tmp_path / "new.toml").unlink(missing_ok=True)
         code, output = run("bounds", log, stated(tmp_path, "angle"), "--out", tmp_path / "new.toml")
         assert code == 0, output
         assert "suspicious: " in output
@@ -319,4 +323,7 @@ def test_a_spacecraft_is_read_once_in_a_second():
     folder = resources.files("elliptude") / "data" / "fermi"
     configuration = read_configuration(str(folder / "estimate.toml"))
     assert odd_step(np.full(10, 1.0), configuration) == ""
-    assert "less than 1e-05 s" in odd_step(np.full(10, 1e-6), configuration)
+    assert "less than 2.8e-05 s" in odd_step(np.full(10, 1e-6), configuration)
+    # 100 Hz read as ms, however the stamps are rounded; the fastest gyro is read at 32 kHz.
+    assert odd_step(np.full(10, np.nextafter(1e-5, 1.0)), configuration)
+    assert odd_step(np.full(10, 1.0 / 32000.0), configuration) == ""

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from drawn_recordings import FIXED, GUARANTEED, STAR, faults, require_noticed, smaller
 from elliptude.bounds import windows
-from elliptude.configuration import configuration as configurations
-from elliptude.configuration import references, rules
+from elliptude.configuration import references, rules, tables
 from elliptude.configuration.calibration import AccelerometerCalibration, GyroCalibration, MagnetometerCalibration
 from elliptude.configuration.configuration import Configuration
 from elliptude.estimation import direction_rows
@@ -135,14 +134,14 @@ def test_stamps_jitter_within_their_bound(monkeypatch):
 
 def less_is_left(monkeypatch, **shares):
     """Let less be left of errors by a calibration than it says."""
-    whole = configurations.calibrated_bounds
+    whole = tables.calibrated_bounds
 
     def bounds(*given):
         found = whole(*given)
         changed = {name: share * getattr(found, name) for name, share in shares.items()}
         return dataclasses.replace(found, **changed)
 
-    monkeypatch.setattr(configurations, "calibrated_bounds", bounds)
+    monkeypatch.setattr(tables, "calibrated_bounds", bounds)
 
 
 def rule_with(monkeypatch, change):

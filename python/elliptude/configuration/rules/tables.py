@@ -11,7 +11,7 @@ from elliptude.bounds.rest import rest_rows
 from elliptude.bounds.samples import AVERAGED_OVER_S, VectorSensorBounds
 from elliptude.bounds.windows import MotionBounds
 from elliptude.configuration.motion import EarthRate, require_earth_rate
-from elliptude.io.toml import Model, Number, PositiveSize, Size
+from elliptude.io.toml import Gravity, Model, Number, PositiveSize, Size
 from elliptude.typing import FloatArray
 
 # A quarter of an hour is no delay of a sensor, but another clock.
@@ -96,7 +96,7 @@ class GyroRule(Model):
 class AccelerometerRule(Model):
     """Gravity, and bounds of the accelerometer."""
 
-    gravity_m_per_s2: PositiveSize
+    gravity_m_per_s2: Gravity
     gravity_error_m_per_s2: Size
     error_m_per_s2: Size
     averaged_error_m_per_s2: Size

@@ -61,7 +61,7 @@ def odd_sizes(log: Log, configuration: Configuration) -> list[OddSize]:
         if said := odd_length(there, sensor, configuration):
             limit = exceeded_limit(_median(there), sensor, configuration)
             if limit is not None:
-                said = said, f", and what is stated of its errors in µT counts too little: {_allowed(limit, sensor)}"
+                said = said, f"; its errors in µT as they count {_allowed(limit, sensor)}"
             severity: Severity = "error" if length_counts(sensor, configuration) else "warning"
             found.append(OddSize(severity, sensor.name, said, is_proved=limit is not None))
     if log.rates is None:
@@ -174,11 +174,9 @@ def _odd_field(median: float, sensor: Magnetometer) -> Said:
 
 
 def _allowed(limit: float, sensor: AnyDirection) -> str:
-    """The strongest field (T) that what is stated of a magnetometer allows."""
+    """The strongest field (T) that a magnetometer may show."""
     assert isinstance(sensor, Magnetometer)  # of others no field is measured
-    return (
-        f"with the Earth's {units.STRONGEST_FIELD_UT:g} µT it allows at most {limit / sensor.tesla:.4g} {sensor.unit}"
-    )
+    return f"allow at most {limit / sensor.tesla:.4g} {sensor.unit}, beside the Earth's {units.STRONGEST_FIELD_UT:g} µT"
 
 
 def _odd_unit_field(median: float) -> Said:
