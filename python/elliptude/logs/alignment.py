@@ -7,7 +7,7 @@ as it goes, and yields rows as soon as no earlier stamp can come, so that no mor
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -315,7 +315,7 @@ def _require_times(rows: _Rows, clock: Clock, present: BoolArray, origin: int) -
         rows.refuse(far, clock.column, f"{_is_no_time(float(seconds[np.argmax(far)]))}{usual}")
 
 
-def without_direction(vectors: FloatArray) -> BoolArray:
+def without_direction(vectors: NDArray[np.floating[Any]]) -> BoolArray:
     """Which vectors (N, 3) are zero, or so short that they have no direction.
 
     Parameters
@@ -326,8 +326,8 @@ def without_direction(vectors: FloatArray) -> BoolArray:
     -------
     ndarray of bool, shape (N,)
     """
-    short: BoolArray = (np.abs(vectors) < SHORTEST_VECTOR).all(axis=1)
-    return short
+    largest: NDArray[np.floating[Any]] = np.abs(vectors).max(axis=1, initial=0.0)
+    return largest < SHORTEST_VECTOR
 
 
 def _usual_step(step: float, unit: units.TimeUnit) -> str:
