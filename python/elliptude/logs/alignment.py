@@ -315,7 +315,7 @@ def _require_times(rows: _Rows, clock: Clock, present: BoolArray, origin: int) -
         rows.refuse(far, clock.column, f"{_is_no_time(float(seconds[np.argmax(far)]))}{usual}")
 
 
-def without_direction(vectors: NDArray[np.floating[Any]]) -> BoolArray:
+def without_direction(vectors: NDArray[np.number[Any]]) -> BoolArray:
     """Which vectors (N, 3) are zero, or so short that they have no direction.
 
     Parameters
@@ -326,7 +326,7 @@ def without_direction(vectors: NDArray[np.floating[Any]]) -> BoolArray:
     -------
     ndarray of bool, shape (N,)
     """
-    largest: NDArray[np.floating[Any]] = np.abs(vectors).max(axis=1, initial=0.0)
+    largest: NDArray[np.number[Any]] = np.abs(vectors).max(axis=1, initial=0.0)
     return largest < SHORTEST_VECTOR
 
 
