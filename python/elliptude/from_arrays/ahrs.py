@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from elliptude import units
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import Question
+from elliptude.configuration.findings import suspicions
+from elliptude.configuration.findings.finding import Finding
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import Carried, rule_for
 from elliptude.configuration.statements import VelocityWindowBound
@@ -101,7 +103,7 @@ def ahrs(
         dropped={_DIRECTIONS.get(name, name): count for name, count in Counter(dropped["sensor"]).items()},
         notes=(
             *(one.in_words(ARGUMENTS) for one in heard.ignored),
-            *(f"suspicious: {one.in_words(ARGUMENTS)}" for one in heard.suspicious),
+            *(f"suspicious: {one.in_words(ARGUMENTS)}" for one in _suspicious(configuration, heard)),
             *([] if wrong is None else [wrong["said"]]),
             *only_up,
             *why_no_set(run, configuration),
@@ -139,6 +141,12 @@ def _estimated(
             raise ValueError(heard.after(str(error), ARGUMENTS)) from error
         beside = heard.beside(words=ARGUMENTS)
         raise ValueError(f"statements={statements!r}: {sentence(str(error))}{beside} {_REMEDY}") from error
+
+
+def _suspicious(configuration: Configuration, heard: Heard) -> list[Finding]:
+    """What may be wrong in what is stated or measured, each once."""
+    found = dict.fromkeys([*suspicions.of_configuration(configuration), *heard.suspicious])
+    return [one for one in found if one not in heard.ignored]
 
 
 def _known_questions(questions: Sequence[str]) -> Sequence[str]:

@@ -426,6 +426,16 @@ def test_what_a_rule_states_is_named_as_its_file_has_it(recording, tmp_path, gra
     assert "rule." not in said
 
 
+def test_an_odd_statement_of_a_rule_is_noted(recording, tmp_path):
+    """As `estimate` says it; by the table that the file has, in the words of arguments."""
+    rule = rule_for("hand").model_dump(mode="json", exclude_none=True)
+    rule["gyro"]["noise_deg_per_s"] = 1e-6
+    path = tmp_path / "rule.toml"
+    path.write_text(tomlkit.dumps(rule))
+    notes = el.ahrs(*recording[:4], mag_unit="uT", statements=path).notes
+    assert sum(note.startswith("suspicious: gyr: ") and "noise_deg_per_s" in note for note in notes) == 1
+
+
 def test_a_reference_that_nobody_stated_is_no_argument(recording):
     """Without a rest `bounds` makes it of the magnetometer's numbers."""
     times, rates, forces, fields, _ = (values[400:] for values in recording)
