@@ -311,7 +311,10 @@ def test_a_field_too_strong_for_what_is_stated_in_microtesla(tmp_path, factor, u
     assert report["good"] == (unit is None)
     if unit is not None:
         assert sum("its median norm is" in message for message in messages) == 1
-        assert any(re.search(f"error: field: .* would be in {unit}: .*, and what is stated", one) for one in messages)
+        assert any(
+            re.search(f"error: field: .* would be in {unit}: .*; its errors in µT as they count", one)
+            for one in messages
+        )
         done = run("estimate", tmp_path / "log.npz", "--config", tmp_path / "log.toml", "--out", tmp_path / "out")
         assert done.exit_code == 1
         assert f"it would be in {unit}" in done.output
