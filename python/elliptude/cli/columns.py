@@ -181,17 +181,14 @@ class OptionWords(Words):
     if_right = (
         "If it is right as it is, leave out --out and --rule, or give a configuration that says implausible = 'ignore'"
     )
+    strength, by_strength = "--field-ut", "by --field-ut"
 
     def to_state(self, remedy: Remedy) -> str:
         """Which option to give."""
         if remedy.key.name not in {"unit", "time_unit"}:
             return super().to_state(remedy)
-        more = ""
-        if remedy.meant == "normalized":
-            more = ", and by --field-ut how many µT 1 is"
-        elif remedy.stated == "normalized":
-            more = ", without --field-ut"
-        return f"say --{remedy.key.of}-unit {remedy.meant}{more}"
+        return f"say --{remedy.key.of}-unit {remedy.meant}{self.of_normalized(remedy)}"
 
 
 OPTIONS = OptionWords()
+"""Those of columns that are named by options."""

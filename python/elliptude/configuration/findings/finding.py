@@ -50,6 +50,8 @@ class Words:
         "If it is right as it is, say implausible = 'ignore' in the configuration, or --ignore-implausible of estimate"
     )
     """What to do about a contradiction that is none."""
+    strength, by_strength = "unit_ut", "in unit_ut"
+    """What says how many µT a normalized field of one is."""
 
     def sensor(self, name: str) -> str:
         """A sensor before what is said of it, by its name in the configuration."""
@@ -71,12 +73,13 @@ class Words:
 
     def to_state(self, remedy: Remedy) -> str:
         """What to write."""
-        more = ""
+        return f"write {self.key(remedy.key)} = {_as_toml(remedy.meant)}{self.of_normalized(remedy)}"
+
+    def of_normalized(self, remedy: Remedy) -> str:
+        """What else to say of a normalized field, or to leave out."""
         if remedy.meant == "normalized":
-            more = ", and in unit_ut how many µT 1 is"
-        elif remedy.stated == "normalized":
-            more = ", without unit_ut"
-        return f"write {self.key(remedy.key)} = {_as_toml(remedy.meant)}{more}"
+            return f", and {self.by_strength} how many µT 1 is"
+        return f", without {self.strength}" if remedy.stated == "normalized" else ""
 
     def __call__(self, said: Said) -> str:
         """A message in these words."""
@@ -93,6 +96,7 @@ class Words:
 
 
 KEYS = Words()
+"""Those of a configuration, and of all that is said without others."""
 
 
 @dataclass(frozen=True, eq=False)
