@@ -15,14 +15,14 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from elliptude.cli.columns import OPTIONS, state_field, stated_reading, tables_of
 from elliptude.cli.columns import in_words as columns_in_words
+from elliptude.cli.columns import state_field, stated_reading, tables_of, words_of
 from elliptude.cli.options import LOG_HELP, Force, Repair, quantity
 from elliptude.cli.outputs import CONFIGURATION, print_table, require_outputs
 from elliptude.cli.progress import steps
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.findings import suspicions
-from elliptude.configuration.findings.finding import KEYS, Finding, Words
+from elliptude.configuration.findings.finding import Finding, Words
 from elliptude.configuration.rules import Carried
 from elliptude.io.files import FileError, replacing, sentence
 from elliptude.io.readers.open import open_log
@@ -204,7 +204,7 @@ def bounds(
     with steps(Console(stderr=True), 4 if configuration.timing.repair else 3) as step:
         repaired, recording, origin = _recorded(source, configuration, step, reference=reference)
         step("Proposing")
-        words = KEYS if config is not None else OPTIONS
+        words = words_of(config, named)
         with _naming(source, configuration, words):
             proposed = proposals.propose(recording)
         document, starting = None, None

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import typer
 
-from elliptude.configuration.findings.finding import Remedy, Words
+from elliptude.configuration.findings.finding import KEYS, Remedy, Words
 from elliptude.io.files import FileError
 from elliptude.io.readers.counted import ROW_TIME
 from elliptude.io.readers.open import open_log
@@ -182,13 +182,27 @@ class OptionWords(Words):
         "If it is right as it is, leave out --out and --rule, or give a configuration that says implausible = 'ignore'"
     )
     strength, by_strength = "--field-ut", "by --field-ut"
+    before = ""
 
     def to_state(self, remedy: Remedy) -> str:
         """Which option to give."""
         if remedy.key.name not in {"unit", "time_unit"}:
             return super().to_state(remedy)
-        return f"say --{remedy.key.of}-unit {remedy.meant}{self.of_normalized(remedy)}"
+        return f"{self.before}say --{remedy.key.of}-unit {remedy.meant}{self.of_normalized(remedy)}"
+
+
+class FirstNameColumns(OptionWords):
+    """The same where a header or --like states columns and units: options of units go with those of columns."""
+
+    before = "name the columns by options, and "
 
 
 OPTIONS = OptionWords()
 """Those of columns that are named by options."""
+
+
+def words_of(config: Path | None, named: Mapping[str, tuple[str | None, str | None]]) -> Words:
+    """How what is found is said: as somebody stated it."""
+    if config is not None:
+        return KEYS
+    return OPTIONS if any(columns is not None for columns, _ in named.values()) else FirstNameColumns()

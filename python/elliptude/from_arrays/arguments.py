@@ -1,6 +1,8 @@
 """What `elliptude.ahrs` calls sensors, units and statements: its arguments."""
 
-from elliptude.configuration.findings.finding import Key, Name, Remedy, Words
+import numpy as np
+
+from elliptude.configuration.findings.finding import Axes, Key, Name, Remedy, TurnedRound, Words
 
 OF_KINDS = {"gyro": "gyr", "accelerometer": "acc", "magnetometer": "mag"}
 """The argument for each kind of sensor."""
@@ -44,6 +46,21 @@ class ArgumentWords(Words):
         if remedy.meant == "normalized":
             return "mag_unit='uT', and multiply mag by the field of the place in µT"
         return f"{self.key(remedy.key)}='{remedy.meant}'"
+
+    def axes(self, axes: Axes) -> str:
+        """An array's columns in another order, with other signs."""
+        matrix = np.array(axes.matrix)
+        order = np.argmax(np.abs(matrix), axis=1)
+        signs = np.sign(matrix[np.arange(3), order])
+        name = OF_KINDS[axes.of]
+        ordered = name if (order == np.arange(3)).all() else f"{name}[:, {order.tolist()}]"
+        if (signs == signs[0]).all():
+            return ordered if signs[0] > 0.0 else f"-{ordered}"
+        return f"{ordered} * {signs.astype(int).tolist()}"
+
+    def turned_round(self, turned: TurnedRound) -> str:
+        """The array's opposite."""
+        return "-acc"
 
 
 ARGUMENTS = ArgumentWords()

@@ -86,7 +86,7 @@ def test_a_field_in_another_unit(tmp_path):
     log = write(tmp_path, [name.replace("uT", "nT") for name in HEADER], columns_of(made()))
     said = succeed("bounds", log, "--out", tmp_path / "config.toml")
     assert "field: its median norm is 45.7 nT, which is not the Earth's field (2e+04 to 7e+04 nT)" in said
-    assert "it would be in uT: say --magnetometer-unit uT" in said
+    assert "it would be in uT: name the columns by options, and say --magnetometer-unit uT" in said
     assert (tmp_path / "config.toml").exists()
 
 

@@ -1,8 +1,11 @@
 """What is found, in the words of a configuration, of the options of `bounds`, and of the arguments of `ahrs`."""
 
+import itertools
+
+import numpy as np
 import pytest
-from elliptude.cli.columns import OPTIONS
-from elliptude.configuration.findings.finding import KEYS, Finding, Key, Name, Remedy
+from elliptude.cli.columns import OPTIONS, words_of
+from elliptude.configuration.findings.finding import KEYS, Axes, Finding, Key, Name, Remedy, TurnedRound
 from elliptude.from_arrays.arguments import ARGUMENTS
 
 
@@ -50,10 +53,10 @@ REFERENCE = Key("magnetometer", "reference_ut")
         (
             (GRAVITY, " = 1; in g it would be: ", Remedy(GRAVITY, 1.0, 9.80665)),
             "rule.accelerometer.gravity_m_per_s2 = 1; in g it would be: "
-            "write rule.accelerometer.gravity_m_per_s2 = 9.8066",
+            "write rule.accelerometer.gravity_m_per_s2 = 9.80665",
             "rule.accelerometer.gravity_m_per_s2 = 1; in g it would be: "
-            "write rule.accelerometer.gravity_m_per_s2 = 9.8066",
-            "accelerometer.gravity_m_per_s2 = 1; in g it would be: write accelerometer.gravity_m_per_s2 = 9.8066",
+            "write rule.accelerometer.gravity_m_per_s2 = 9.80665",
+            "accelerometer.gravity_m_per_s2 = 1; in g it would be: write accelerometer.gravity_m_per_s2 = 9.80665",
         ),
         (
             (REFERENCE, " is long: ", Remedy(REFERENCE, (0.0, 18e3, -42e3), (0.0, 18.0, -42.0))),
@@ -62,10 +65,30 @@ REFERENCE = Key("magnetometer", "reference_ut")
             "the reference that is made of it is long: is mag_unit right?",
         ),
         (("though ", Name("acc"), " turns"), "though 'acc' turns", "though 'acc' turns", "though acc turns"),
+        (TurnedRound("down"), "at_rest = 'down'", "at_rest = 'down'", "-acc"),
     ],
 )
 def test_each_says_it_in_its_own_words(said, by_keys, by_options, by_arguments):
     assert [words(said) for words in (KEYS, OPTIONS, ARGUMENTS)] == [by_keys, by_options, by_arguments]
+
+
+def test_units_of_a_header_are_stated_by_options_only_beside_columns(tmp_path):
+    remedy = unit("gyro", "rad/s", "deg/s")
+    by_name = {"gyroscope": ("gx,gy,gz", "rad/s"), "magnetometer": (None, None)}
+    assert words_of(None, by_name)(remedy) == "say --gyro-unit deg/s"
+    by_header = dict.fromkeys(by_name, (None, None))
+    assert words_of(None, by_header)(remedy) == "name the columns by options, and say --gyro-unit deg/s"
+    assert words_of(tmp_path, by_header) is KEYS
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
+@pytest.mark.parametrize("signs", list(itertools.product((1.0, -1.0), repeat=3)))
+def test_axes_as_an_array_are_those_of_the_matrix(order, signs):
+    """What is advised is executed: the columns of an array become the body's axes."""
+    matrix = np.diag(signs)[:, list(order)]
+    advised = ARGUMENTS(Axes("magnetometer", ("a", "b", "c"), tuple(map(tuple, matrix.tolist()))))
+    mag = np.random.default_rng(5).standard_normal((4, 3))
+    np.testing.assert_array_equal(eval(advised, {"mag": mag}), mag @ matrix.T)
 
 
 def test_sensors_are_named_before_what_is_said_of_them():

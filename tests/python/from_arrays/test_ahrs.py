@@ -426,6 +426,19 @@ def test_what_a_rule_states_is_named_as_its_file_has_it(recording, tmp_path, gra
     assert "rule." not in said
 
 
+def test_wrong_axes_are_mended_by_what_is_advised(recording):
+    """It is an expression of the array, as no argument states axes."""
+    times, rates, forces, fields, _ = recording
+    with pytest.raises(ValueError, match=r"mag: its axes are not as stated.* What fits is mag\[:, ") as error:
+        el.ahrs(times, rates, forces, fields[:, [1, 0, 2]] * [1, -1, 1], mag_unit="uT")
+    assert "axes = " not in str(error.value)
+    swapped = {"mag": fields[:, [1, 0, 2]] * [1, -1, 1]}
+    advised = str(error.value).partition("What fits is ")[2].partition(" (")[0]
+    np.testing.assert_array_equal(eval(advised, swapped), fields)
+    with pytest.raises(ValueError, match=r"gyr: its axes are not as stated.* With .*-gyr"):
+        el.ahrs(times, -rates, forces, fields, mag_unit="uT")
+
+
 def test_an_odd_statement_of_a_rule_is_noted(recording, tmp_path):
     """As `estimate` says it; by the table that the file has, in the words of arguments."""
     rule = rule_for("hand").model_dump(mode="json", exclude_none=True)

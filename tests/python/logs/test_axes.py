@@ -10,10 +10,11 @@ import pytest
 from elliptude import logs
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.configuration import Configuration
+from elliptude.configuration.findings.axes import axes_in_words
 from elliptude.configuration.sensors import rotation_of_axes
 from elliptude.logs import Log
 from elliptude.logs.axes import sensor_axes
-from elliptude.logs.axes.axes_check import axes_in_words, look_at_axes
+from elliptude.logs.axes.axes_check import look_at_axes
 from elliptude.logs.axes.sensor_axes import ROTATIONS, VectorStatement, misfits
 from scipy.spatial.transform import Rotation
 

@@ -9,8 +9,9 @@ import pytest
 from elliptude import logs
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.configuration import Configuration
+from elliptude.configuration.findings.axes import axes_in_words
 from elliptude.logs.axes import sensor_axes
-from elliptude.logs.axes.axes_check import axes_in_words, look_at_axes
+from elliptude.logs.axes.axes_check import look_at_axes
 from elliptude.logs.axes.sensor_axes import VectorStatement
 from scipy.spatial.transform import Rotation
 from test_axes import EXACT, G, X, broad_configuration, motion, turned

@@ -255,7 +255,7 @@ def test_gravity_in_g(tmp_path):
     for bounds in ("sensor", "angle"):
         config = stated(tmp_path, bounds, gravity_m_per_s2=1.0)
         refused, output = run("estimate", log, "--config", config, "--out", tmp_path / bounds)
-        assert f"{said}gravity_m_per_s2 = 9.8066" in output
+        assert f"{said}gravity_m_per_s2 = 9.80665" in output
         assert refused == (bounds == "sensor")
 
 

@@ -8,7 +8,10 @@ function. `Words` has the words of a configuration, and what is derived from it 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from elliptude.configuration.findings.axes import axes_in_words
+
 Severity: TypeAlias = Literal["error", "warning"]
+Kind: TypeAlias = Literal["gyro", "rate", "accelerometer", "magnetometer"]
 Value: TypeAlias = str | float | tuple[float, ...]
 """Of a key: a unit, a number, a vector."""
 
@@ -24,7 +27,7 @@ class Name:
 class Key:
     """Something that is stated."""
 
-    of: Literal["gyro", "rate", "accelerometer", "magnetometer", "time", "rule"]
+    of: Kind | Literal["time", "rule"]
     name: str
 
 
@@ -39,7 +42,26 @@ class Remedy:
     """The units in which what was measured would be as usual, if it is that by which this was found."""
 
 
-Said: TypeAlias = "str | Name | Key | Remedy | tuple[Said, ...]"
+@dataclass(frozen=True)
+class Axes:
+    """Axes that would fit a sensor."""
+
+    of: Kind
+    columns: tuple[str, ...]
+    """Of the log, three."""
+    matrix: tuple[tuple[float, ...], ...]
+    """From the sensor's axes to the body's, left-handed ones too."""
+
+
+@dataclass(frozen=True)
+class TurnedRound:
+    """The opposite of what an accelerometer shows."""
+
+    at_rest: Literal["up", "down"]
+    """Which way it would then be said to point at rest."""
+
+
+Said: TypeAlias = "str | Name | Key | Remedy | Axes | TurnedRound | tuple[Said, ...]"
 """A message: text, and between it what each vocabulary says in its own words. An empty one says nothing."""
 
 
@@ -81,6 +103,14 @@ class Words:
             return f", and {self.by_strength} how many µT 1 is"
         return f", without {self.strength}" if remedy.stated == "normalized" else ""
 
+    def axes(self, axes: Axes) -> str:
+        """What to write for axes."""
+        return axes_in_words(axes.matrix, axes.columns)
+
+    def turned_round(self, turned: TurnedRound) -> str:
+        """What to write for an accelerometer that shows the opposite."""
+        return f"at_rest = '{turned.at_rest}'"
+
     def __call__(self, said: Said) -> str:
         """A message in these words."""
         match said:
@@ -90,6 +120,10 @@ class Words:
                 return self.key(said)
             case Remedy():
                 return self.remedy(said)
+            case Axes():
+                return self.axes(said)
+            case TurnedRound():
+                return self.turned_round(said)
             case tuple():
                 return "".join(map(self, said))
         return said
@@ -133,4 +167,4 @@ class Finding:
 def _as_toml(value: Value) -> str:
     if isinstance(value, str):
         return f'"{value}"'
-    return f"{value:.5g}" if isinstance(value, float) else f"[{', '.join(f'{part:.4g}' for part in value)}]"
+    return f"{value:.10g}" if isinstance(value, float) else f"[{', '.join(f'{part:.10g}' for part in value)}]"

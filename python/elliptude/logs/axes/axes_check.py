@@ -7,7 +7,7 @@ one that their references state, and its supplement is. What a configuration doe
 hand; no bound is taken to be less than that.
 """
 
-import itertools
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.windows import MotionBounds
 from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
-from elliptude.configuration.findings.finding import KEYS, Name, Said
+from elliptude.configuration.findings.finding import KEYS, Axes, Kind, Name, Said, TurnedRound
 from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.rules import Rule
 from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer, rotation_of_axes
@@ -279,11 +279,12 @@ def _wrong_gyro(fits: dict[_Choice, float], stated: float, configuration: Config
     axes = rotation_of_axes(sensor.axes)
     ordered = sorted(fits.items(), key=lambda one: one[1])
     fitting = tuple((quotient, _SIGNS[i] * ROTATIONS[j].T @ axes) for (i, j), quotient in ordered)
-    said = [f"{axes_in_words(matrix, sensor.columns)} ({quotient:.2g})" for quotient, matrix in fitting]
-    message = f"{_not_as_stated(stated)} With {_listed(said)} it fits all other sensors"
-    if any(i == 0 for i, _ in fits):
-        message += "; or all of these have the same wrong axes"
-    return WrongAxes(name, stated, fitting, message)
+    axes_of = functools.partial(_axes, "gyro" if isinstance(flow, GyroFlow) else "rate", sensor.columns)
+    listed = _listed([(axes_of(matrix), f" ({quotient:.2g})") for quotient, matrix in fitting])
+    more = "; or all of these have the same wrong axes" if any(i == 0 for i, _ in fits) else ""
+    return WrongAxes(
+        name, stated, fitting, (_not_as_stated(stated), " With ", listed, f" it fits all other sensors{more}")
+    )
 
 
 def _wrong_vector(
@@ -299,26 +300,30 @@ def _wrong_vector(
     axes = rotation_of_axes(sensor.axes)
     fitting = tuple((quotient, ROTATIONS[j] @ axes) for (_, j), quotient in fits.items())
     at_rest = up_in_log(log, configuration) if isinstance(sensor, Accelerometer) else None
-    said = []
+    assert isinstance(sensor, Accelerometer | Magnetometer)  # of others no axes are tried
+    axes_of = functools.partial(_axes, sensor.kind, sensor.columns)
+    each: list[Said] = []
     for (_, j), (quotient, matrix) in zip(fits, fitting, strict=True):
-        text = f"{axes_in_words(matrix, sensor.columns)} ({quotient:.2g}"
-        if at_rest is not None:
-            text += f", with {axis_in_words(ROTATIONS[j] @ np.array(at_rest.up))} up at rest"
-        said.append(text + ")")
+        up = "" if at_rest is None else f", with {axis_in_words(ROTATIONS[j] @ np.array(at_rest.up))} up at rest"
+        each.append((axes_of(matrix), f" ({quotient:.2g}{up})"))
+    opposite: Said = "its opposite, ", axes_of(-fitting[0][1])
     if isinstance(sensor, Accelerometer):
-        opposite = f"the same with at_rest = '{'down' if sensor.at_rest == 'up' else 'up'}'"
-    else:
-        opposite = f"its opposite, {axes_in_words(-fitting[0][1], sensor.columns)}"
-    message = (
-        f"{_not_as_stated(stated)} What fits is {_listed(said)}; and so does {opposite}, as a vector and its opposite "
-        "turn alike"
+        opposite = "the same with ", _turned_round(sensor)
+    said: Said = (
+        f"{_not_as_stated(stated)} What fits is ",
+        _listed(each),
+        "; and so does ",
+        opposite,
+        ", as a vector and its opposite turn alike",
     )
     if or_gyro:
         gyro = configuration.flow if isinstance(configuration.flow, GyroFlow) else configuration.rate
         assert gyro is not None
+        kind: Kind = "gyro" if isinstance(configuration.flow, GyroFlow) else "rate"
         of_gyro = next(ROTATIONS[j].T @ rotation_of_axes(gyro.axes) for _, j in fits)
-        message += f"; or those of the gyro are wrong, and {axes_in_words(of_gyro, gyro.columns)} fits there"
-    return WrongAxes(name, stated, fitting, message)
+        of_its = _axes(kind, gyro.columns, of_gyro)
+        said = said, "; or those of the gyro are wrong, and ", of_its, " fits there"
+    return WrongAxes(name, stated, fitting, said)
 
 
 def _signs(
@@ -370,18 +375,21 @@ def _stated_angle(sensor: AnyDirection) -> float:
 
 
 def _wrong_sign(accelerometer: Accelerometer, sensor: AnyDirection, found: AngleMisfit, stated: float) -> WrongAxes:
+    assert isinstance(sensor, Magnetometer)
     opposite = -rotation_of_axes(sensor.axes)
-    turned = "down" if accelerometer.at_rest == "up" else "up"
     up, field = Name(accelerometer.name), Name(sensor.name)
     said = (
         "its sign or that of ",
         up,
         f" is not as stated: what they show is {math.degrees(found.median):.0f} degrees apart (median) and their "
         f"references {math.degrees(stated):.0f}, {found.as_stated:.2g} times further off than bounds of motion, field "
-        f"and sensors allow. With one of the two turned round it fits ({found.opposite:.2g}): "
-        f"at_rest = '{turned}' for ",
+        f"and sensors allow. With one of the two turned round it fits ({found.opposite:.2g}): ",
+        _turned_round(accelerometer),
+        " for ",
         up,
-        f", {axes_in_words(opposite, sensor.columns)} for ",
+        ", ",
+        _axes("magnetometer", sensor.columns, opposite),
+        " for ",
         field,
         ", or the opposite of its reference. Which one no log can tell: compare what is up at rest with how the body "
         "lay",
@@ -396,40 +404,15 @@ def _not_as_stated(quotient: float) -> str:
     )
 
 
-def _listed(said: Sequence[str]) -> str:
+def _axes(of: Kind, columns: Sequence[str], matrix: FloatArray) -> Axes:
+    return Axes(of, tuple(columns), tuple(map(tuple, matrix.tolist())))
+
+
+def _turned_round(sensor: Accelerometer) -> TurnedRound:
+    return TurnedRound("down" if sensor.at_rest == "up" else "up")
+
+
+def _listed(said: Sequence[Said]) -> Said:
     more = f", and {len(said) - _MOST_NAMED} others" if len(said) > _MOST_NAMED else ""
-    return " or ".join(said[:_MOST_NAMED]) + more
-
-
-def axes_in_words(matrix: FloatArray, columns: Sequence[str]) -> str:
-    """Axes in the configuration's syntax; left-handed ones are those of columns in another order.
-
-    Parameters
-    ----------
-    matrix : (3, 3) array
-        From the sensor's axes to the body's.
-    columns : sequence of str
-        Three, as the configuration has them.
-
-    Returns
-    -------
-    str
-        Such as ``axes = ["y", "-x", "z"]``.
-    """
-    if np.linalg.det(matrix) > 0.0:
-        return f"axes = {_toml(matrix)}"
-    orders = [list(order) for order in itertools.permutations(range(3)) if np.linalg.det(np.eye(3)[list(order)]) < 0.0]
-    # The columns in another order are P x, and A x = A Pᵀ (P x): the order whose axes are plainest.
-    order = max(orders, key=lambda order: float(np.trace(matrix @ np.eye(3)[order].T)))
-    names = ", ".join(f'"{columns[i]}"' for i in order)
-    return f"columns = [{names}], axes = {_toml(matrix @ np.eye(3)[order].T)}"
-
-
-def _toml(matrix: FloatArray) -> str:
-    if np.array_equal(np.abs(matrix), np.abs(matrix).round()):
-        names = []
-        for row in matrix:
-            i = int(np.argmax(np.abs(row)))
-            names.append(f'"{"-" if row[i] < 0.0 else ""}{"xyz"[i]}"')
-        return f"[{', '.join(names)}]"
-    return "[" + ", ".join(f"[{', '.join(f'{value:.6g}' for value in row)}]" for row in matrix) + "]"
+    first, *others = said[:_MOST_NAMED]
+    return first, *((" or ", one) for one in others), more
