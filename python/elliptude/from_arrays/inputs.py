@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude._arrays import unmasked
-from elliptude.logs.alignment import LARGEST_TIME_S, SHORTEST_VECTOR, without_direction
+from elliptude.logs.alignment.batches import LARGEST_TIME_S, SHORTEST_VECTOR, without_direction
 from elliptude.typing import FloatArray
 from elliptude.units import SELDOM_S
 

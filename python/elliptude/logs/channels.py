@@ -11,7 +11,7 @@ from elliptude.configuration.motion import GyroFlow
 from elliptude.configuration.sensors import Accelerometer, Axes, Magnetometer, Timed, rotation_of_axes
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import LogFile, require_columns
-from elliptude.logs.alignment import Channel, Clock, Fill
+from elliptude.logs.alignment.clocks import Channel, Clock, Fill
 from elliptude.typing import FloatArray
 
 Sensor = tuple[Timed | None, Channel]

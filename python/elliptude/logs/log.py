@@ -26,7 +26,8 @@ from elliptude.io.files import FileError, sentence
 from elliptude.io.readers.base import LogFile
 from elliptude.io.readers.open import LogSource, open_log
 from elliptude.io.tables import Measurements
-from elliptude.logs.alignment import ROUNDING_OF_STAMPS_S, OutOfOrderError, Piece, first_second, pieces, take
+from elliptude.logs.alignment.batches import OutOfOrderError, first_second, take
+from elliptude.logs.alignment.rows import ROUNDING_OF_STAMPS_S, Piece, pieces
 from elliptude.logs.channels import clocks_of
 from elliptude.logs.repair import Lost, Survey, require_rows_in_time, require_torques, survey
 from elliptude.logs.repaired import Repaired

@@ -17,7 +17,8 @@ from elliptude.io.files import FileError
 from elliptude.io.readers.base import Batch, Cells, LogFile
 from elliptude.io.readers.text.csv import CsvTable
 from elliptude.io.readers.text.folder import CsvFolder
-from elliptude.logs.alignment import LARGEST_VALUE, Channel, Clock, without_direction
+from elliptude.logs.alignment.batches import LARGEST_VALUE, without_direction
+from elliptude.logs.alignment.clocks import Channel, Clock
 from elliptude.logs.order_of_rows import Rows, contradicting, counter_size, out_of_order
 from elliptude.typing import FloatArray
 

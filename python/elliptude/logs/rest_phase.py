@@ -19,7 +19,7 @@ from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magneto
 from elliptude.configuration.statements import AccelerationBound, FieldBound, RestPhase, VelocityWindowBound
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import LogFile
-from elliptude.logs.alignment import pieces
+from elliptude.logs.alignment.rows import pieces
 from elliptude.logs.channels import clocks_of
 from elliptude.typing import FloatArray
 

@@ -12,7 +12,7 @@ from elliptude.configuration.statements import RestPhase, SunByTime, WorldModel
 from elliptude.io.files import FileError
 from elliptude.io.readers.text import csv as csv_files
 from elliptude.logs import log as logs
-from elliptude.logs.alignment import _begin_rows
+from elliptude.logs.alignment.rows import _begin_rows
 from elliptude.simulation import fermi
 from elliptude.validation.recordings.truth.earths_field import _slope, field_of
 from hypothesis import given, settings

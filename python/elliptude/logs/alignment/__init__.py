@@ -1,0 +1,1 @@
+"""Sensors with time stamps, rates and delays of their own, put into rows in time order, batch by batch."""
