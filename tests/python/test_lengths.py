@@ -20,7 +20,6 @@ CPP = ("cpp", "python/bindings", "tests/fuzz")
 CPP_SUFFIXES = {".hpp", ".cpp", ".h", ".c"}
 
 LONG_FILES = {
-    "cpp/benchmarks/operations.hpp": (520, "a table of operations, each with its input; two programs run all of it"),
     "cpp/c_interface/elliptude.cpp": (560, "the one file that a flight program compiles"),
 }
 A_TABLE = "a table of what is bound, with its names and arguments"
@@ -33,10 +32,6 @@ LONG_FUNCTIONS = {
     "python/bindings/sets/ellipsoid.cpp:define_ellipsoids": (120, A_TABLE),
     "python/bindings/sets/quadric.cpp:define_quadrics": (80, A_TABLE),
     "python/bindings/dynamics/integrator.cpp:trajectory": (75, "the arrays of a trajectory, filled step by step"),
-    "python/bindings/first_order/python_filter.cpp:PythonFilter::run": (
-        142,
-        "a log row by row, each of its inputs given or not",
-    ),
     "python/bindings/truth/extrapolation.hpp:integrate": (74, "one algorithm from a book, in the book's order"),
     "tests/fuzz/first_order_session.hpp:one_call": (99, "a call of each function of a filter, chosen by a byte"),
     "tests/fuzz/fuzz_quadric_fusion.cpp:many": (72, "an input, the function, and its oracle"),
