@@ -180,21 +180,10 @@ class RelativeSize {
     }
   }
 
-  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Scalar operator()(const KeptCombination<Scalar, N>& c) const noexcept {
-    if (by_volume()) {
-      Scalar determinant(1);
-      for (int i = 0; i < N; ++i) {
-        determinant *= c.root(i, i);  // of the root of A⁻¹
-      }
-      return dimension_ * scalar::log(c.level) + Scalar(2) * scalar::log(determinant);
-    }
-    return scalar::log(Scalar(c.level * weight_.cwiseProduct(square_of_lower(c.root)).sum() / weight_.trace()));
-  }
-
   /// Whether that is negative: the second set alone is larger. No branch depends on a number.
   [[nodiscard]] auto is_below_second(const KeptCombination<Scalar, N>& c) const noexcept {
     if (by_volume()) {
-      return (*this)(c) < Scalar(0);
+      return relative_log_volume(c) < Scalar(0);
     }
     return c.level * weight_.cwiseProduct(square_of_lower(c.root)).sum() < weight_.trace();
   }
@@ -240,6 +229,15 @@ class RelativeSize {
   }
 
  private:
+  /// The logarithm of det(N A⁻¹) over the coordinates that exist: that of the volume, squared, less the second set's.
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE Scalar relative_log_volume(const KeptCombination<Scalar, N>& c) const noexcept {
+    Scalar determinant(1);
+    for (int i = 0; i < N; ++i) {
+      determinant *= c.root(i, i);  // of the root of A⁻¹
+    }
+    return dimension_ * scalar::log(c.level) + Scalar(2) * scalar::log(determinant);
+  }
+
   ELLIPTUDE_OUT_OF_LINE void put_weight(const Matrix<Scalar, N>& factor, const Matrix<Scalar, N>& weight) noexcept {
     weight_ = factor.transpose().lazyProduct(Matrix<Scalar, N>(weight.lazyProduct(factor)));
   }

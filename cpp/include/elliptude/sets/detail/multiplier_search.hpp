@@ -93,12 +93,12 @@ class MultiplierSearch {
     const Iterate& it = *now_;
     const Scalar accuracy = tolerance_ + scalar::constant<Scalar>(0.1L) * it.rounding;
     const bool exchange = step_.may_exchange(it.multipliers, accuracy);
-    Multipliers curvature;
+    Multipliers least_curvature;
     if (!exchange) {
       for (std::size_t k = 0; k < count_; ++k) {
-        curvature[k] = problem_.least_curvature(k, it, v_, step_.gradient);
+        least_curvature[k] = problem_.least_curvature(k, it, v_, step_.gradient);
       }
-      if (!step_.may_gain(it.multipliers, curvature, accuracy)) {
+      if (!step_.may_gain(it.multipliers, least_curvature, accuracy)) {
         return false;
       }
     }

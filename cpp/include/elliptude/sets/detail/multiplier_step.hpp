@@ -41,7 +41,7 @@ class MultiplierStep {
 
   /// What moving one multiplier alone, and then all to their best scale, would gain, summed: g²/2c with what ∂²F has
   /// beside the direction of μ itself; but no more than μg of one that can only fall to zero.
-  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool may_gain(const Multipliers& multipliers, const Multipliers& curvature,
+  [[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool may_gain(const Multipliers& multipliers, const Multipliers& least_curvature,
                                                     const Scalar& accuracy) const noexcept {
     const Scalar half = scalar::constant<Scalar>(0.5L);
     const Scalar infinite(std::numeric_limits<scalar::Value<Scalar>>::infinity());
@@ -50,8 +50,8 @@ class MultiplierStep {
       const Scalar& g = gradient[k];
       const Scalar raise = half * g * g;
       const Scalar removal = multipliers[k] * g;
-      const Scalar& second = curvature[k];
-      const Scalar change = second > Scalar(0) ? Scalar(raise / second) : infinite;
+      const Scalar& least = least_curvature[k];
+      const Scalar change = least > Scalar(0) ? Scalar(raise / least) : infinite;
       gain += g > Scalar(0) && removal < change ? removal : change;
     }
     return !(gain <= accuracy);
@@ -81,8 +81,8 @@ class MultiplierStep {
     return slope_ < Scalar(0) && gain_ > scalar::constant<Scalar>(0.9L) * accuracy;  // F is not quite its model
   }
 
-  /// The multipliers at the end of the step, each positive whatever rounding made of the step. When a step is tried for
-  /// the first time, those that grow do so as if ∂F were linear in 1/μ, as it is where a constraint is all that bounds a
+  /// The multipliers at the end of the step, none of them negative whatever rounding made of it. When a step is tried
+  /// for the first time, those that grow do so as if ∂F were linear in 1/μ, as it is where a constraint is all that bounds a
   /// coordinate: from μ and Δμ to μ²/(μ − Δμ), and no more than as far again.
   ELLIPTUDE_OUT_OF_LINE void put_end(const Multipliers& from, Multipliers& next) const noexcept {
     const Scalar half = scalar::constant<Scalar>(0.5L);
@@ -138,7 +138,8 @@ class MultiplierStep {
   }
 
  private:
-  [[nodiscard]] const Scalar& curvature(std::size_t i, std::size_t j) const noexcept {
+  /// An entry of ∇²F.
+  [[nodiscard]] const Scalar& second_derivative(std::size_t i, std::size_t j) const noexcept {
     return hessian[std::max(i, j) * most + std::min(i, j)];
   }
   /// The model's derivative at the end of the step.
@@ -231,7 +232,7 @@ class MultiplierStep {
       const std::size_t column = free[j];
       Scalar right = -gradient[column];
       for (std::size_t k = 0; k < count_; ++k) {
-        right -= at_bound_[k] ? Scalar(curvature(column, k) * lowest_[k]) : Scalar(0);
+        right -= at_bound_[k] ? Scalar(second_derivative(column, k) * lowest_[k]) : Scalar(0);
       }
       for (std::size_t k = 0; k < j; ++k) {
         const Scalar& above = hessian[free[k] * most + column];
@@ -245,7 +246,7 @@ class MultiplierStep {
         }
         if (i == j) {
           const Scalar& g = gradient[column];
-          const Scalar least = rounding::root<Scalar>() * (curvature(column, column) + g * g);
+          const Scalar least = rounding::root<Scalar>() * (second_derivative(column, column) + g * g);
           inverse_pivots[j] = Scalar(1) / (sum > least ? sum : least);
         } else {
           hessian[column * most + free[i]] = sum;

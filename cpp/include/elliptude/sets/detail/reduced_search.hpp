@@ -207,10 +207,9 @@ class ReducedSize {
     return scalar::sqrt(Scalar(determinant_[N - 1] * determinant_[0] / determinant_[1]));
   }
 
-  /// The first and second derivative with respect to q, and det(T + qI).
+  /// The first and second derivative with respect to q.
   /// \return whether det(T + qI) > 0 and N > 0; if not, the derivatives are of no use.
-  [[nodiscard]] auto derivatives(const Scalar& q, Scalar& slope, Scalar& curvature,
-                                 Scalar& determinant) const noexcept {
+  [[nodiscard]] auto derivatives(const Scalar& q, Scalar& slope, Scalar& curvature) const noexcept {
     const auto of_determinant = Jet<Scalar>::of(N, determinant_, q);
     const auto of_level = Jet<Scalar>::of(N + 1, level_, q);
     slope = Scalar(0);
@@ -223,7 +222,6 @@ class ReducedSize {
       of_determinant.add_logarithm(Scalar(-2), slope, curvature);
       Jet<Scalar>::of(N - 1, trace_, q).add_logarithm(Scalar(1), slope, curvature);
     }
-    determinant = of_determinant.value;
     return of_determinant.value > Scalar(0) && of_level.value > Scalar(0);
   }
 
@@ -358,8 +356,7 @@ template <typename Scalar, int N>
   const Scalar longest(10);
   Scalar slope;
   Scalar curvature;
-  Scalar determinant;
-  const auto definite = size.derivatives(Scalar(0), slope, curvature, determinant);
+  const auto definite = size.derivatives(Scalar(0), slope, curvature);
   auto settled = definite && slope >= Scalar(0);
   auto arrived = Scalar(1) < Scalar(0);
   const Scalar wanted = size.mean();
@@ -369,7 +366,7 @@ template <typename Scalar, int N>
   Scalar q = mean;
   constexpr int most_steps = 12;
   for (int step = 0; step < most_steps && !scalar::all(settled); ++step) {
-    settled = settled || !size.derivatives(q, slope, curvature, determinant);
+    settled = settled || !size.derivatives(q, slope, curvature);
     const auto rising = slope > Scalar(0);
     high = scalar::select(rising, q, high);
     low = scalar::select(rising, low, q);
