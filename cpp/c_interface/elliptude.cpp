@@ -138,7 +138,7 @@ template <typename Settings>
 }
 
 [[nodiscard]] elliptude_settings default_settings() noexcept {
-  return {ELLIPTUDE_RAISE, 0, 10, ELLIPTUDE_LEAST_VOLUME, 0};
+  return {static_cast<elliptude_policy>(default_policy), 0, 10, ELLIPTUDE_LEAST_VOLUME, 0};
 }
 
 /// Measurements as the core takes them.
@@ -354,10 +354,11 @@ template <typename Kind>
   if (const elliptude_status status = elliptude_self_test(); status != ELLIPTUDE_OK) {
     return status;
   }
-  typename Kind::Filter made;  // a filter in use stays as it was if a parameter is wrong
+  typename Kind::Filter made{};  // a filter in use stays as it was if a parameter is wrong
   if (const Status status = Kind::make(*parameters, time, made); status != Status::ok) {
     return code(status);
   }
+  std::memset(memory, 0, sizeof *memory);  // filters that were told the same have the same bytes
   new (memory->memory) Kept<Kind>{Kind::mark, {made, epoch, stamp}};
   seal<Kind>(memory);
   return ELLIPTUDE_OK;

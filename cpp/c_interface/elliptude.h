@@ -204,16 +204,16 @@ enum {
 /* Bits of `limits_hit`. */
 #define ELLIPTUDE_LIMIT_DIRECTIONS UINT32_C(1) /* more directions than ELLIPTUDE_MOST_DIRECTIONS; nothing was done */
 #define ELLIPTUDE_LIMIT_STEPS UINT32_C(2)      /* more steps than `most_steps`; nothing was done */
-#define ELLIPTUDE_LIMIT_SEARCH \
-  UINT32_C(4) /* a search ended at its bound: the set holds, and may be larger than need be */
-#define ELLIPTUDE_LIMIT_SET \
-  UINT32_C(8) /* the set became too large to be bounded: `predict` has forgotten the attitude */
+/* A search ended at its bound: the set holds, and may be larger than need be. */
+#define ELLIPTUDE_LIMIT_SEARCH UINT32_C(4)
+/* The set became too large to be bounded: `predict` has forgotten the attitude. */
+#define ELLIPTUDE_LIMIT_SET UINT32_C(8)
 
 /* Telemetry: what a call of `predict` or `update` did. It is written whatever the status is. */
 typedef struct {
   elliptude_number time; /* of the filter after the call, s */
-  elliptude_number
-      margin; /* of an update: how far the constraints are from having no common point; negative if they had none */
+  /* Of an update: how far the constraints are from having no common point; negative if they had none. */
+  elliptude_number margin;
   uint64_t dropped;        /* of an update: which measurements were left out, or are proved wrong */
   uint64_t contradicting;  /* if the margin is negative: the measurement that weighs most against the rest */
   elliptude_status status; /* that the call returned */
@@ -234,8 +234,8 @@ typedef struct {
   elliptude_number attitude[9]; /* of the center: body axes to reference axes */
   elliptude_number vector[3];   /* of the center: angular velocity, or the gyro's bias, rad/s */
   elliptude_number shape[36];   /* P, symmetric; rad², rad²/s, rad²/s² */
-  elliptude_number
-      half_widths[6]; /* of γ about each body axis, which is no less than the angle in rad; of the vector, rad/s */
+  /* Of γ about each body axis, which is no less than the angle in rad; of the vector, rad/s. */
+  elliptude_number half_widths[6];
   elliptude_claim claim;
 } elliptude_set;
 

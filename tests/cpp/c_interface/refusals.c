@@ -90,6 +90,23 @@ static void start(void) {
   CHECK(report.claim == ELLIPTUDE_UNCONDITIONAL && report.lacks == ELLIPTUDE_LACKS_NOTHING);
 }
 
+/* Filters that were told the same, wherever they are: copies may be compared byte by byte. */
+static void same_bytes(void) {
+  const elliptude_body_parameters of_body = body_parameters();
+  const elliptude_gyro_parameters of_gyro = gyro_parameters();
+  elliptude_body bodies[2];
+  elliptude_gyro gyros[2];
+  int i;
+  for (i = 0; i < 2; ++i) {
+    memset(&bodies[i], i == 0 ? 0xA5 : 0x5A, sizeof bodies[i]);
+    memset(&gyros[i], i == 0 ? 0xA5 : 0x5A, sizeof gyros[i]);
+    CHECK(elliptude_body_init(&bodies[i], sizeof bodies[i], &of_body, 1) == ELLIPTUDE_OK);
+    CHECK(elliptude_gyro_init(&gyros[i], sizeof gyros[i], &of_gyro, 1) == ELLIPTUDE_OK);
+  }
+  CHECK(memcmp(&bodies[0], &bodies[1], sizeof bodies[0]) == 0);
+  CHECK(memcmp(&gyros[0], &gyros[1], sizeof gyros[0]) == 0);
+}
+
 static void null_pointers(void) {
   const elliptude_body_parameters of_body = body_parameters();
   const elliptude_gyro_parameters of_gyro = gyro_parameters();
@@ -506,6 +523,7 @@ static void messages(void) {
 }
 
 int main(void) {
+  same_bytes();
   null_pointers();
   not_initialized(0);
   not_initialized(0x5A);

@@ -28,7 +28,7 @@ typedef struct {
   CFE_MSG_TelemetryHeader_t Header;
   CFE_TIME_SysTime_t Time; /* of the samples */
   uint32 StarCount;
-  double Rate[3]; /* of the gyro at that time, rad/s */
+  elliptude_number Rate[3]; /* of the gyro at that time, rad/s */
   elliptude_direction Stars[ATTITUDE_APP_MOST_STARS];
 } ATTITUDE_APP_Sensors_t;
 
@@ -37,10 +37,10 @@ typedef struct {
   uint32 Cycles;   /* sensor messages */
   uint32 Refusals; /* calls that did not return ELLIPTUDE_OK */
   uint32 Knows;    /* whether the three below mean something */
-  double Attitude[9];
-  double Bias[3];        /* rad/s */
-  double HalfWidths[3];  /* of the attitude, about the body axes, rad */
-  elliptude_report Last; /* what the last call did */
+  elliptude_number Attitude[9];
+  elliptude_number Bias[3];       /* rad/s */
+  elliptude_number HalfWidths[3]; /* of the attitude, about the body axes, rad */
+  elliptude_report Last;          /* what the last call did */
 } ATTITUDE_APP_Tlm_t;
 
 void ATTITUDE_APP_Main(void);

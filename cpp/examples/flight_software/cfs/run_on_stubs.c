@@ -66,8 +66,8 @@ void CFE_SB_TimeStampMsg(CFE_MSG_Message_t* MsgPtr) { (void)MsgPtr; }
 /* A body that turns about its third axis by 0.05 rad/s, with a star along the first axis of the reference and one along the second. */
 CFE_Status_t CFE_SB_ReceiveBuffer(CFE_SB_Buffer_t** BufPtr, CFE_SB_PipeId_t PipeId, int32 TimeOut) {
   const double angle = 0.05 * 0.25 * received;
-  const double directions[2][2][3] = {{{1, 0, 0}, {cos(angle), -sin(angle), 0}},
-                                      {{0, 1, 0}, {sin(angle), cos(angle), 0}}};
+  const elliptude_number directions[2][2][3] = {{{1, 0, 0}, {cos(angle), -sin(angle), 0}},
+                                                {{0, 1, 0}, {sin(angle), cos(angle), 0}}};
   int i;
   if (received == cycles || PipeId != 7 || TimeOut != CFE_SB_PEND_FOREVER) {
     return -1;

@@ -25,7 +25,11 @@ bool AttitudeEstimator::configure(F64 seconds) {
 
 void AttitudeEstimator::sampleIn_handler(FwIndexType /*portNum*/, Sample& sample) {
   std::array<elliptude_direction, std::tuple_size<Stars>::value> directions{};
-  const std::size_t count = std::min<std::size_t>(sample.get_count(), directions.size());
+  const std::size_t count = sample.get_count();
+  if (count > directions.size()) {
+    this->log_WARNING_HI_Refused(Fw::String("sample"), Fw::String("more stars than a sample has room for"));
+    return;
+  }
   for (std::size_t i = 0; i < count; ++i) {
     const Star& star = sample.get_stars()[i];
     std::copy_n(star.get_reference().begin(), 3, directions[i].reference);
@@ -40,6 +44,10 @@ void AttitudeEstimator::sampleIn_handler(FwIndexType /*portNum*/, Sample& sample
     m_forgotten = !this->configure(sample.get_seconds());
   }
   (void)elliptude_gyro_predict(&m_filter, sample.get_seconds(), m_hasRate ? m_rate.data() : nullptr, &report);
+  if (report.status == ELLIPTUDE_CORRUPTED) {  // memory was changed by something else: the next sample starts anew
+    m_forgotten = true;
+    m_hasRate = false;
+  }
   if (this->note("predict", report)) {
     m_rate = sample.get_rate();
     m_hasRate = std::all_of(m_rate.begin(), m_rate.end(), [](F64 one) { return std::isfinite(one); });
@@ -51,7 +59,8 @@ void AttitudeEstimator::sampleIn_handler(FwIndexType /*portNum*/, Sample& sample
 
 void AttitudeEstimator::FORGET_cmdHandler(FwOpcodeType opCode, U32 cmdSeq) {
   // Its time too: one sample whose clock is ahead would else have all that follow refused. The next sample starts it.
-  m_forgotten = m_forgotten || elliptude_gyro_forget(&m_filter) == ELLIPTUDE_OK;
+  const elliptude_status status = elliptude_gyro_forget(&m_filter);
+  m_forgotten = m_forgotten || status == ELLIPTUDE_OK || status == ELLIPTUDE_CORRUPTED;
   m_hasRate = false;
   this->cmdResponse_out(opCode, cmdSeq, m_forgotten ? Fw::CmdResponse::OK : Fw::CmdResponse::EXECUTION_ERROR);
 }

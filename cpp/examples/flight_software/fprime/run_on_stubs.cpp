@@ -52,15 +52,27 @@ int main() {
     check(sent.left_out == (row < 12 ? 0U : 2U), "the liar was left out, and no other star");
     check(row != 12 || sent.conditional, "and the claim is conditional");
   }
+  // A bit of the filter's memory flips, as a particle does it.
+  reinterpret_cast<unsigned char*>(&estimator)[sizeof(Adcs::AttitudeEstimatorComponentBase) + 200] ^= 4;
+  Adcs::Sample late = sample_at(5);
+  estimator.take(late);
+  check(estimator.sent().refused == 2, "memory that was changed is noticed");
+  estimator.take(late);
+  check(estimator.sent().refused == 2 && estimator.sent().knows, "and the next sample starts anew");
+  reinterpret_cast<unsigned char*>(&estimator)[sizeof(Adcs::AttitudeEstimatorComponentBase) + 200] ^= 4;
   estimator.command(0, 0);
-  check(estimator.sent().responses == 1, "the command is answered");
+  check(estimator.sent().responses == 1, "the command is answered, whatever the memory holds");
+  const Adcs::Stars none;
+  Adcs::Sample crowded(5.25, {0, 0, 0.05}, static_cast<U32>(none.size()) + 1, none);
+  estimator.take(crowded);
+  check(estimator.sent().refused == 3, "more stars than there is room for are refused");
   Adcs::Sample ahead = sample_at(1e6);
   estimator.take(ahead);
   estimator.take(early);
-  check(estimator.sent().refused == 2, "a sample from the past is refused");
+  check(estimator.sent().refused == 4, "a sample from the past is refused");
   estimator.command(0, 0);
   estimator.take(early);
-  check(estimator.sent().refused == 2 && estimator.sent().knows, "but not after the command");
+  check(estimator.sent().refused == 4 && estimator.sent().knows, "but not after the command");
   std::printf("%d failures\n", failures);
   return failures == 0 ? 0 : 1;
 }
