@@ -335,6 +335,31 @@ TEST_CASE("the extent of a Gibbs ellipsoid is in angles") {
   }
 }
 
+TEST_CASE("no number of an extent is less for rounding") {
+  using Real = long double;
+  using RealMatrix = Eigen::Matrix<Real, 3, 3>;
+  Random random(17);
+  int tight = 0;
+  for (int trial = 0; trial < 2000; ++trial) {
+    const Exponential set{{random.rotation(), random.normal_matrix<3>()},
+                          correlated_shape(random, random.log_uniform(1e-6, 1), 100)};
+    Extent<double> size;
+    REQUIRE(extent(set, size) == Status::ok);
+    const RealMatrix shape = set.shape.topLeftCorner<3, 3>().cast<Real>();
+    const RealMatrix attitude = set.center.attitude.cast<Real>();
+    const RealMatrix seen = attitude * shape * attitude.transpose();
+    const Real largest = std::sqrt(Eigen::SelfAdjointEigenSolver<RealMatrix>(shape).eigenvalues()(2));
+    CHECK(Real(size.largest_angle) >= largest);
+    CHECK(Real(size.largest_angle) <= largest * (1 + 1e-13L));
+    for (int i = 0; i < 3; ++i) {
+      CHECK(Real(size.half_widths_body(i)) >= std::sqrt(shape(i, i)));
+      CHECK(Real(size.half_widths_reference(i)) >= std::sqrt(seen(i, i)));
+      tight += Real(size.half_widths_reference(i)) <= std::sqrt(seen(i, i)) * (1 + 1e-11L) ? 1 : 0;
+    }
+  }
+  CHECK(tight > 5900);
+}
+
 TEST_CASE("a measured attitude as a quadric about any center") {
   Random random(8);
   for (int trial = 0; trial < 400; ++trial) {

@@ -333,6 +333,27 @@ TEST_CASE("directions without error give back the attitude and no cost") {
   }
 }
 
+TEST_CASE("the attitude may take the place of the profile") {
+  Random random(64);
+  for (int i = 0; i < 20; ++i) {
+    const Problem p = noisy(random, 4, 0.1);
+    const Matrix3<double> profile = p.reference * p.weights.asDiagonal() * p.body.transpose();
+    for (const WahbaMethod method : {WahbaMethod::svd, WahbaMethod::foam, WahbaMethod::davenport, WahbaMethod::qr}) {
+      Matrix3<double> expected;
+      REQUIRE(attitude_of_profile(profile, method, expected) == Status::ok);
+      Matrix3<double> in_place = profile;
+      REQUIRE(attitude_of_profile(in_place, method, in_place) == Status::ok);
+      CHECK(in_place == expected);
+    }
+    Matrix3<double> expected;
+    Matrix3<double> in_place = profile;
+    double condition = 0;
+    REQUIRE(attitude_by_qr(profile, expected, condition) == Status::ok);
+    REQUIRE(attitude_by_qr(in_place, in_place, condition) == Status::ok);
+    CHECK(in_place == expected);
+  }
+}
+
 TEST_CASE("where det L is negative the robust methods find the best rotation and the paper's formula refuses") {
   Random random(64);
   int negative = 0;

@@ -53,7 +53,7 @@ struct GibbsChart {
   }
 
   /// The angle of an error of this length, rad: 2 atan(‖γ‖/2). For a single component γᵢ it bounds |ζᵢ|.
-  /// (theory, section 16)
+  /// (theory, section 16.4)
   template <typename Scalar>
   [[nodiscard]] static Scalar angle(const Scalar& length) noexcept {
     return Scalar(2) * scalar::atan2(Scalar(scalar::constant<Scalar>(0.5L) * length), Scalar(1));

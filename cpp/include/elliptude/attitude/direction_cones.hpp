@@ -48,7 +48,7 @@ struct ConeSum {
   Scalar margin;              ///< see `WahbaSet`
 };
 
-/// The smallest ellipsoid, in the chart's coordinates, about a sum of cones. (eqs. 15.6, 15.7)
+/// The smallest ellipsoid, in the chart's coordinates, about a sum of cones. (eqs. 15.6 to 15.8)
 /// \return `empty_intersection` if no attitude satisfies the sum, which is a proof that some bound is wrong;
 /// `unbounded` if half turns about Ĉ satisfy it, so that it reaches beyond every chart, or if rounding hides whether
 /// they do.

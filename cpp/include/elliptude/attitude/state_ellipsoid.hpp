@@ -57,17 +57,29 @@ struct Extent {
   Vector6<Scalar> greatest_uncertainty;   ///< unit eigenvector of P to its largest eigenvalue (paper, §3.3)
 };
 
+namespace detail {
+
+/// The largest length of a vector in an ellipsoid, no less for rounding.
+template <typename Scalar>
+[[nodiscard]] Scalar largest_length(const Matrix3<Scalar>& shape, const SymmetricEigen<Scalar, 3>& eigen) noexcept {
+  const Scalar square = eigen.values(0) + eigen_errors(shape, eigen).values;
+  return rounding::enlarged(Scalar(scalar::sqrt(square > Scalar(0) ? square : Scalar(0))), rounding::attitude_angle);
+}
+
+}  // namespace detail
+
+/// No number in it is less for rounding.
 /// \return `not_finite`, `not_converged`.
 template <typename State, typename Chart>
 [[nodiscard]] Status extent(const StateEllipsoid<State, Chart>& ellipsoid,
                             Extent<StateScalar<State>>& result) noexcept {
   using Scalar = StateScalar<State>;
   Extent<Scalar> extent;
-  extent.half_widths_body = half_widths(ellipsoid.in_coordinates());
+  const Scalar more = Scalar(1) + rounding::share<Scalar>(rounding::attitude_angle);
+  extent.half_widths_body = more * half_widths(ellipsoid.in_coordinates());
   const Matrix3<Scalar> attitude_shape = ellipsoid.shape.template topLeftCorner<3, 3>();
-  const Matrix3<Scalar>& c = ellipsoid.center.attitude;
-  const Matrix3<Scalar> in_reference = c * attitude_shape * c.transpose();
-  extent.half_widths_reference = in_reference.diagonal().cwiseMax(Scalar(0)).cwiseSqrt();
+  const Matrix3<Scalar> in_reference = covered_image(ellipsoid.center.attitude, attitude_shape);
+  extent.half_widths_reference = more * in_reference.diagonal().cwiseMax(Scalar(0)).cwiseSqrt();
   for (int i = 0; i < 3; ++i) {
     extent.half_widths_body(i) = Chart::angle(Scalar(extent.half_widths_body(i)));
     extent.half_widths_reference(i) = Chart::angle(Scalar(extent.half_widths_reference(i)));
@@ -76,7 +88,7 @@ template <typename State, typename Chart>
   if (const Status status = symmetric_eigen(attitude_shape, attitude); status != Status::ok) {
     return status;
   }
-  extent.largest_angle = Chart::angle(scalar::sqrt(Scalar(attitude.values(0))));
+  extent.largest_angle = Chart::angle(detail::largest_length(attitude_shape, attitude));
   extent.largest_angle_axis = attitude.vectors.col(0);
   SymmetricEigen<Scalar, 6> whole;
   if (const Status status = symmetric_eigen(ellipsoid.shape, whole); status != Status::ok) {
@@ -127,7 +139,7 @@ template <typename Scalar>
 
 /// Moves the ellipsoid of errors [γ; δ] about a center to its own center. Where g = γ/2 is seen from ĝ it is
 /// g⁺ = (g − ĝ − ĝ×g)/(1 + ĝ·g), so that γ⁺ = σ B (γ − γ̂) with B = (I − S(ĝ))/(1 + ‖ĝ‖²) and |σ − 1| ≤ e/(1 − e),
-/// e = √(ĝᵀPĝ)/(2(1 + ‖ĝ‖²)): the result contains the set without remainder. (theory, section 16)
+/// e = √(ĝᵀPĝ)/(2(1 + ‖ĝ‖²)): the result contains the set without remainder. (theory, section 16.3)
 /// \return `unbounded` if e ≥ 1: about the new center the set may hold half turns; `not_finite`.
 template <typename State>
 [[nodiscard]] Status recentred(const State& center, const Ellipsoid<StateScalar<State>, 6>& ellipsoid,
@@ -170,13 +182,12 @@ template <typename State, typename Chart>
   if (const Status status = symmetric_eigen(shape, eigen); status != Status::ok) {
     return status;
   }
-  const Scalar square = eigen.values(0) + eigen_errors(shape, eigen).values;
-  length = rounding::enlarged(Scalar(scalar::sqrt(square > Scalar(0) ? square : Scalar(0))), rounding::attitude_angle);
+  length = detail::largest_length(shape, eigen);
   return Status::ok;
 }
 
 /// The same set in another chart, enlarged by what an ellipsoid in it needs. ζ → γ adds the ellipsoid (τ − 1)² P_ζζ,
-/// with τ at the largest angle in the set. (theory, section 16)
+/// with τ at the largest angle in the set. (theory, section 16.4)
 /// \return the status of `validate`; `unbounded` if the set holds half turns.
 template <typename State>
 [[nodiscard]] Status converted(const StateEllipsoid<State, ExponentialChart>& from,

@@ -6,6 +6,8 @@
 ///
 /// Directions are the columns of 3 × m matrices and need not be of unit length: only their direction counts.
 
+#include <cstdint>
+
 #include "elliptude/attitude/detail/quick_foam.hpp"
 #include "elliptude/base/limits.hpp"
 #include "elliptude/base/rounding.hpp"
@@ -312,7 +314,7 @@ template <typename Scalar>
       status != Status::ok) {
     return status;
   }
-  attitude.noalias() = s * profile;
+  attitude = s * profile;  // which `profile` may be, too
   return Status::ok;
 }
 

@@ -56,8 +56,8 @@ struct QuickProfile {
   static constexpr Eigen::Index most_kept = 8;
 
   Columns<Scalar> l;
-  Truth<Scalar>
-      usual;  ///< whether no product of lengths and weights has overflowed or lost digits, and no weight is negative
+  /// Whether no product of lengths and weights has overflowed or lost digits, and no weight is negative.
+  Truth<Scalar> usual;
   std::array<Column<Scalar>, most_kept> references;
   std::array<Scalar, most_kept> ratios;
   std::array<Scalar, most_kept> shares;
