@@ -13,8 +13,8 @@ int main() {
   Flow flow;
   Filter filter;
   BodyUncertainty<double> uncertainty;
-  uncertainty.torque = 1e-6 * Matrix3<double>::Identity();  // any torque of up to 1 mN m, however it changes
-  Filter::Settings settings;                                // the least volume
+  uncertainty.torque = ball_shape<3>(1e-3);  // any torque of up to 1 mN m, however it changes
+  Filter::Settings settings;                 // the least volume
   settings.policy = Policy::drop_measurement;
   const Matrix3<double> inertia = Vector3<double>(1.0, 2.8, 2.0).asDiagonal();  // kg m²
   if (RigidBody<double>::make(inertia, body) != Status::ok ||
@@ -33,8 +33,7 @@ int main() {
     const Vector3<double> sun_seen = k == 6 ? Vector3<double>(0, 0, 1) : Vector3<double>(truth.transpose() * sun);
     const std::array<Direction<double>, 2> directions{Direction<double>::within(star, star_seen, 0.005),
                                                       Direction<double>::within(sun, sun_seen, 0.02)};
-    const AngularVelocity<double> rate{spin + Vector3<double>(0.001, -0.001, 0.001),
-                                       1e-5 * Matrix3<double>::Identity()};  // within 3.2 mrad/s
+    const auto rate = AngularVelocity<double>::within(spin + Vector3<double>(0.001, -0.001, 0.001), 0.0032);  // rad/s
 
     GuaranteedUpdate<double> update;
     if (filter.predict(time, {}) != Status::ok ||

@@ -23,7 +23,7 @@ int main() {
   const Vector3<double> field(0, 0.6, 0.8);
   const std::array<Direction<double>, 2> directions{Direction<double>::within(sun, sun, 0.1),
                                                     Direction<double>::within(field, field, 0.1)};
-  const AngularVelocity<double> rate{Vector3<double>::Zero(), 0.01 * Matrix3<double>::Identity()};
+  const auto rate = AngularVelocity<double>::within(Vector3<double>::Zero(), 0.1);  // rad/s
   GuaranteedUpdate<double> update;
   UpdateConstraints<RigidBodyState<double>> constraints;
   for (const double time : {0.0, 0.5}) {

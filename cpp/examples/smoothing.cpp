@@ -39,8 +39,8 @@ int smooth_recording(const Filter& filter, const std::vector<FilterMoment<Filter
 
 int main() {
   GyroUncertainty<double> uncertainty;
-  uncertainty.noise = 1e-8 * Matrix3<double>::Identity();   // within 0.1 mrad/s
-  uncertainty.drift = 1e-14 * Matrix3<double>::Identity();  // the bias, by 0.1 µrad/s²
+  uncertainty.noise = ball_shape<3>(1e-4);  // rad/s
+  uncertainty.drift = ball_shape<3>(1e-7);  // of the bias, rad/s²
   Flow flow;
   Filter filter;
   constexpr std::size_t lag = 10;

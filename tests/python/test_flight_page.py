@@ -6,7 +6,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 CORE = ROOT / "cpp" / "include" / "elliptude"
 PAGE = (ROOT / "docs" / "flight.md").read_text(encoding="utf-8")
-NO_LOOP = {"most_stages"}  # the size of an array
+NO_LOOP = {"most_stages", "most_in_quotient", "most_of_choices"}  # sizes of arrays, and what is refused beyond
 
 
 def table_of(heading: str) -> list[list[str]]:

@@ -198,6 +198,10 @@ TEST_CASE("A call that fails leaves the filter as it was") {
   CHECK(filter.update(bad.data(), bad.size(), rate, update) == Status::zero_direction);
   CHECK(filter.update(bad.data(), bad.size(), update) == Status::zero_direction);
   CHECK(filter.update(bad.data(), 0, update) == Status::out_of_range);
+  for (const std::size_t count : {1U, 2U}) {
+    CHECK(filter.update(nullptr, count, rate, update) == Status::out_of_range);
+    CHECK(filter.update(nullptr, count, update) == Status::out_of_range);
+  }
   check_same(filter, before);
   CHECK(update.margin == 3);
 

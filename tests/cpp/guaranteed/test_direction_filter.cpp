@@ -117,6 +117,9 @@ TEST_CASE("direction filter: a measurement that contradicts is reported, dropped
       CHECK(status == Status::empty_intersection);
       CHECK(filter.cap().center == before.center);
       CHECK(filter.claim() == Claim::unconditional);
+      CHECK(update.contradicts);
+      CHECK_FALSE(update.dropped);
+      CHECK(update.claim == Claim::unconditional);
       continue;
     }
     REQUIRE(status == Status::ok);

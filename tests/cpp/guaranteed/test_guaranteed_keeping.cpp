@@ -147,6 +147,75 @@ TEST_CASE("a linear measurement speaks of a bias that is to be left to its bound
   }
 }
 
+TEST_CASE("a bound of the vector is refused only where it surely has nothing in common with what is known") {
+  const auto refuses = [](const Ellipsoid<double, 3>& vector, const Matrix3d& bound) {
+    GyroFilter filter = gyro_filter(1e-3, 0);
+    GibbsEllipsoid<GyroState<double>> set = gyro_set(0.1, 1);
+    set.center.gyro_bias = vector.center;
+    set.shape.bottomRightCorner<3, 3>() = vector.shape;
+    REQUIRE(filter.start(set) == Status::ok);
+    const Status late = filter.bound_vector({Vector3d::Zero(), bound});
+    GyroFilter bounded = gyro_filter(1e-3, 0);
+    REQUIRE(bounded.bound_vector({Vector3d::Zero(), bound}) == Status::ok);
+    const Status early = bounded.start(set);
+    CHECK((late == Status::ok || late == Status::empty_intersection));
+    CHECK(early == late);
+    return late == Status::empty_intersection;
+  };
+  // Balls that touch: 4/9 (1, 4, 8) is in both.
+  CHECK_FALSE(refuses({Vector3d(1, 4, 8), 25 * Matrix3d::Identity()}, 16 * Matrix3d::Identity()));
+  CHECK(refuses({1.00001 * Vector3d(1, 4, 8), 25 * Matrix3d::Identity()}, 16 * Matrix3d::Identity()));
+  // Two that are thin, and have a point in common at which both forms are 0.99999998.
+  Matrix3d bound;
+  bound << 0.2607299290635246, 0.20352142510500054, 0.38901010612452364,  //
+      0.20352142510500054, 0.15886542314094854, 0.3036547874287309,       //
+      0.38901010612452364, 0.3036547874287309, 0.5804046478763195;
+  Matrix3d shape;
+  shape << 0.38376450562465486, -0.012062309137538207, 0.4861520446789294,  //
+      -0.012062309137538207, 0.0003791369437775861, -0.015280507094459847,  //
+      0.4861520446789294, -0.015280507094459847, 0.6158563574318666;
+  const Vector3d center(-0.6480381190096977, -0.002814724062010618, -0.8273625690365146);
+  CHECK_FALSE(refuses({center, shape}, bound));
+  CHECK(refuses({1.001 * center, shape}, bound));
+}
+
+TEST_CASE("of a shape that is not quite symmetric a filter takes the symmetric part") {
+  // Lower triangle, upper triangle and symmetric part are positive definite, and thin to other widths.
+  Matrix3d bound;
+  bound << 1, 1 - 1e-9, 0, 1 - 1e-9, 1, 0, 0, 0, 1;
+  bound *= 1e-4;
+  bound(0, 1) -= 1e-4 * 1e-9;
+  const Matrix3d symmetric = symmetrized(bound);
+  const Vector3d thin = 0.999 * Vector3d(1, -1, 0).normalized() *
+                        std::sqrt(Eigen::SelfAdjointEigenSolver<Matrix3d>(symmetric).eigenvalues()(0));
+  for (const Matrix3d& given : {bound, Matrix3d(bound.transpose())}) {
+    GyroFilter filter = gyro_filter(1e-3, 0);
+    REQUIRE(filter.start(gyro_set(0.1, 1)) == Status::ok);
+    const MeasuredAttitude<double> measured{Matrix3d::Identity(), given};
+    Report report;
+    REQUIRE(filter.update({nullptr, 0, nullptr, &measured}, report) == Status::ok);
+    double form = 2;
+    REQUIRE(quadratic_form(filter.ellipsoid(), GyroState<double>{exp(thin), Vector3d::Zero()}, form) == Status::ok);
+    CHECK(form <= 1);
+    Quadric<double, 3> quadric;
+    REQUIRE(to_quadric(Ellipsoid<double, 3>{Vector3d::Zero(), given}, quadric) == Status::ok);
+    CHECK(quadric.c - thin.dot(quadric.a * thin) >= 0);
+    CHECK(quadric.a == quadric.a.transpose());
+    filter.forget();
+    REQUIRE(filter.bound_vector({Vector3d::Zero(), given}) == Status::ok);
+    CHECK(filter.vector_bound().shape.isApprox(symmetric, 1e-14));
+    GibbsEllipsoid<GyroState<double>> set = gyro_set(0.1, 1);
+    set.shape.topLeftCorner<3, 3>() = given;
+    REQUIRE(filter.start(set) == Status::ok);
+    CHECK(Matrix3d(filter.ellipsoid().shape.topLeftCorner<3, 3>()).isApprox(symmetric, 1e-14));
+    LinearMeasurement<double, 3> linear{Vector3d::Zero(), Matrix<double, 3, 6>::Zero(), given};
+    linear.h.leftCols<3>().setIdentity();
+    Quadric<double, 6> of_linear;
+    REQUIRE(covered_quadric(linear, Vector6<double>(Vector6<double>::Constant(1e-2)), of_linear) == Status::ok);
+    CHECK(of_linear.c - thin.dot(of_linear.a.topLeftCorner<3, 3>() * thin) >= 0);
+  }
+}
+
 TEST_CASE("a center with an entry that is no number is in no domain, wherever the entry is") {
   for (int i = 0; i < 3; ++i) {
     Vector3d vector(1, 2, 3);

@@ -99,8 +99,10 @@ inline constexpr int three_digits = 1000;
 [[nodiscard]] constexpr int terms(int n, int count) noexcept { return 4 * (n + 4 + count); }
 /// Loss of the product of two roots with N rows, relative to its diagonal.
 [[nodiscard]] constexpr int root_product(int n) noexcept { return 4 * n * n; }
-/// Loss of a sum of forms of up to seven rows, and of its factorization, relative to the sum of their largest entries.
+/// Loss of a sum of forms of up to seven rows, and of its factorization, relative to the sum of their largest entries:
+/// with so many constraints beside the ball and the question at most.
 inline constexpr int quotient = 256;
+inline constexpr int most_in_quotient = 8;
 /// A turn about an axis by the forms (16.7) and their products, relative to 1 + ‖g⁺‖² of the attitudes in the set.
 inline constexpr int turn_forms = 40;
 /// A component of a vector of three numbers, relative to the sum of its terms without signs.
@@ -133,12 +135,13 @@ inline constexpr int cone_axes = 16;
 inline constexpr int cone_curvature = 32;
 inline constexpr int cone_level = 8;
 inline constexpr int cone_misfit = 32;
+/// The overlap of two ellipsoids of three numbers whose diagonals were raised by a share √ε, in √ε.
+inline constexpr int raised_overlap = 64;
 /// The largest angle of a measured attitude, and the difference of a chart's stretch from one.
 inline constexpr int attitude_angle = 16;
-/// A measured attitude's center, the quadric's curvature, and its level.
+/// A measured attitude's center; and the products of its quadric, relative to their terms without signs.
 inline constexpr int attitude_center = 64;
-inline constexpr int attitude_curvature = 32;
-inline constexpr int attitude_level = 64;
+inline constexpr int attitude_products = 8;
 ///@}
 
 /// Steps of a motion. (theory, section 4.3)

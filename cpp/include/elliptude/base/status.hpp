@@ -3,7 +3,8 @@
 /// \file
 /// The status that a fallible function returns. Nothing in the library throws: every fallible function is
 /// `[[nodiscard]] Status f(const In&, Out&) noexcept`, and `Out` changes only if the status is `Status::ok`, but for the
-/// report of an update, which says what happened whatever the status is.
+/// report of an update: `GuaranteedUpdate` is written whatever the status is, `DirectionUpdate` and the margin of
+/// `Update` also after `empty_intersection`.
 
 #include <cstdint>
 

@@ -111,8 +111,8 @@ class AttitudeFilter {
   /// Directions and angular velocity together. If the directions determine an attitude, as in the paper: E^m of all of
   /// them, fused once with the prediction. If they do not, as one alone, collinear ones or none: each as what it says,
   /// then the angular velocity.
-  /// \return the status of the measurements' `validate` and the fusion; after `empty_intersection` `update.margin` is
-  /// set.
+  /// \return the status of the measurements' `validate` and the fusion; `out_of_range` of too many directions or of a
+  /// null pointer to any; after `empty_intersection` `update.margin` is set.
   [[nodiscard]] Status update(const Direction<Scalar>* directions, std::size_t count,
                               const AngularVelocity<Scalar>& angular_velocity, Update<Scalar>& update) noexcept {
     static_assert(std::is_same_v<State, RigidBodyState<Scalar>>,
@@ -142,7 +142,7 @@ class AttitudeFilter {
   /// one alone, or so nearly collinear ones that the measured attitude reaches beyond a radian, each as what it says.
   /// \return as above; after `empty_intersection` `update.margin` is set.
   [[nodiscard]] Status update(const Direction<Scalar>* directions, std::size_t count, Update<Scalar>& update) noexcept {
-    if (count == 0) {
+    if (count == 0 || directions == nullptr) {
       return Status::out_of_range;
     }
     MeasuredDirections<Scalar> measured;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <utility>
 
 #include "elliptude/ensemble/pack.hpp"
 #include "elliptude/first_order/detail/lanewise_linear_fusion.hpp"

@@ -4,6 +4,8 @@
 /// The filtering procedure (paper, §3.3): the smallest ellipsoid about the intersection of the predicted and the
 /// measured set.
 
+#include <cstdint>
+
 #include "elliptude/measurement/quadrics.hpp"
 
 namespace elliptude {

@@ -75,6 +75,7 @@ class GuaranteedRigidBodyFlow : public PredictionLimits {
     flow.potential_ = potential;
     flow.longest_step_ = longest_step;
     flow.uncertainty_ = uncertainty;
+    flow.uncertainty_.torque = symmetrized(uncertainty.torque);
     flow.torque_bounds_ = torque_bounds;
     flow.acceleration_bounds_ = acceleration_bounds;
     flow.PredictionLimits::operator=(PredictionLimits());

@@ -28,17 +28,17 @@ class DirectionFilter {
   using Scalar = Scalar_;
 
   struct Settings {
-    Policy policy = Policy::raise;
+    Policy policy = default_policy;
     /// As for `GuaranteedFilter`: after a contradiction the cap is taken from a measurement alone as soon as this many
     /// have agreed, or this many updates have passed. (theory, section 16.8)
     int regain_after = 10;
   };
 
   /// A filter that knows nothing.
-  /// \return `out_of_range` of `Policy::relaxed`, which needs several measurements at once, of what is no policy, and of a
-  /// `regain_after` below one.
+  /// \return `out_of_range` of `Policy::relaxed`, which needs several measurements at once, of what is no policy, of one that
+  /// is not compiled, and of a `regain_after` below one.
   [[nodiscard]] static Status make(const Settings& settings, DirectionFilter& filter) noexcept {
-    if (settings.policy >= Policy::relaxed || settings.regain_after < 1) {
+    if (!is_compiled(settings.policy) || settings.policy >= Policy::relaxed || settings.regain_after < 1) {
       return Status::out_of_range;
     }
     filter.settings_ = settings;
@@ -83,6 +83,7 @@ class DirectionFilter {
   }
 
   /// The direction was measured. An angle from π on says nothing, and counts for nothing.
+  /// \param update also after `empty_intersection`; as it was after what `validate` refuses.
   /// \return the status of `validate`; `empty_intersection` under `Policy::raise`.
   [[nodiscard]] Status update(const DirectionCap<Scalar>& measured, DirectionUpdate& update) noexcept {
     if (const Status status = validate(measured); status != Status::ok) {
@@ -99,10 +100,12 @@ class DirectionFilter {
     DirectionCap<Scalar> next = seen;
     if (knows_direction()) {
       result.contradicts = intersection(cap_, seen, next) != Status::ok;
-      if (result.contradicts && settings_.policy == Policy::raise) {
+      if (result.contradicts && is_policy(settings_.policy, Policy::raise)) {
+        result.claim = claim();
+        update = result;
         return Status::empty_intersection;
       }
-      result.dropped = result.contradicts && settings_.policy == Policy::drop_measurement;
+      result.dropped = result.contradicts && is_policy(settings_.policy, Policy::drop_measurement);
       if (result.contradicts) {
         next = result.dropped ? cap_ : seen;
       }

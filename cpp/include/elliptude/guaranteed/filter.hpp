@@ -78,7 +78,7 @@ class GuaranteedFilter {
     if (const Status status = Memory::validated(bound); status != Status::ok) {
       return status;
     }
-    const Ellipsoid<Scalar, 3> wider = with_least_width(bound);
+    const Ellipsoid<Scalar, 3> wider = with_least_width(Ellipsoid<Scalar, 3>{bound.center, symmetrized(bound.shape)});
     if (memory_.knows_vector() && memory_.contradicts(memory_.known_vector(), wider)) {
       return Status::empty_intersection;
     }
@@ -165,7 +165,7 @@ class GuaranteedFilter {
       if (const Status status = Memory::validated(*vector); status != Status::ok) {
         return status;
       }
-      memory_.known.vector = *vector;
+      memory_.known.vector = {vector->center, symmetrized(vector->shape)};
     }
     memory_.known.has_attitude = set != nullptr;
     memory_.known.has_vector = vector != nullptr;
@@ -230,10 +230,11 @@ class GuaranteedFilter {
   /// Fuses all measurements of one moment with the prediction, at once. If the attitude is not known, they may start
   /// it: look at the claim, as `ok` does not say that there is a set.
   /// \param update written whatever the status; after a failure with the filter's claim as it was.
-  /// \return what the measurements' `validate` says; `out_of_range` of too many directions, of an angular velocity
-  /// given to a gyro's filter, which has it as input, of directions at no address, or, where nothing may be left out, of one beyond the
-  /// `FilterDomain`, or of more than eight measurements of which some may be wrong; `empty_intersection` if they
-  /// contradict the prediction, the bound of the vector, or each other, and the policy is to say so.
+  /// \return what the measurements' `validate` says; `out_of_range` of too many directions or of a null pointer to them,
+  /// of an angular velocity given to a gyro's filter, which has it as input, of more than eight measurements of which
+  /// some may be wrong, and, where nothing may be left out, of an angular velocity beyond the `FilterDomain`;
+  /// `empty_intersection` if they contradict the prediction, the bound of the vector, or each other, and the policy is
+  /// to say so.
   [[nodiscard]] Status update(const Measurements<Scalar>& measurements, GuaranteedUpdate<Scalar>& update) noexcept {
     return detail::FilterUpdate<Flow>(memory_).run(measurements, update);
   }
@@ -274,7 +275,7 @@ class GuaranteedFilter {
       return Status::not_positive_definite;
     }
     if constexpr (std::is_same_v<Chart, GibbsChart>) {
-      begin = set;
+      begin = {set.center, symmetrized(set.shape)};
     } else {
       if (const Status status = converted(set, begin); status != Status::ok) {
         return status;

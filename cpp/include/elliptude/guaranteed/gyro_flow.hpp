@@ -5,6 +5,8 @@
 /// state of the continuous motion (theory, section 17.6). The errors are y = [γ; δβ] in the Gibbs chart. What a
 /// guaranteed flow is: guaranteed/body_flow.hpp.
 
+#include <cstdint>
+
 #include "elliptude/attitude/state_ellipsoid.hpp"
 #include "elliptude/guaranteed/detail/prediction_sums.hpp"
 #include "elliptude/sets/sum.hpp"
@@ -66,6 +68,8 @@ class GuaranteedGyroFlow {
       }
     }
     flow.uncertainty_ = uncertainty;
+    flow.uncertainty_.noise = symmetrized(uncertainty.noise);
+    flow.uncertainty_.drift = symmetrized(uncertainty.drift);
     flow.interval_rate_ = interval_rate;
     return Status::ok;
   }
@@ -240,10 +244,13 @@ class GuaranteedGyroFlow {
     if (is_mean) {
       ball += half * half * h * h * drift;
     }
-    // What F, J_r and the center are off by rounding: a turn of the center by a moves γ by at most a (1 + ‖γ/2‖²), and
-    // a little more as a is not nothing (theory, section 17.8).
+    // What F, J_r and the center are off by rounding: a turn of the center by a moves γ by at most
+    // 2 tan(a/2) (1 + ‖γ/2‖²)/(1 − ‖γ/2‖ tan(a/2)) (theory, section 17.8).
     const Scalar slip =
         rounding::share<Scalar>(rounding::turn) + rounding::share<Scalar>(rounding::turn_by_angle) * (h * speed);
+    if (!(slip * (Scalar(1) + reach) < scalar::constant<Scalar>(0.01L))) {
+      return Status::unbounded;
+    }
     ball +=
         slip * (before + h * difference + scalar::constant<Scalar>(1.01L) * (Scalar(1) + half * half * reach * reach));
     std::array<Matrix6<Scalar>, 3> others;
@@ -352,7 +359,7 @@ class GuaranteedGyroFlow {
     if (!(half_angle + half_turn < scalar::constant<Scalar>(1.5L))) {
       return Status::unbounded;
     }
-    // The cosines lose no more than tan 1.5 = 14 times what their arguments do.
+    // The cosines lose no more than 1.5/(sin 1.5 cos 1.5) = 22 times what their arguments do.
     const Scalar moved =
         Scalar(2) * scalar::sin(half_turn) / (scalar::cos(half_angle) * scalar::cos(Scalar(half_angle + half_turn)));
     std::array<Matrix6<Scalar>, 2> others;

@@ -3,6 +3,8 @@
 /// \file
 /// What a guaranteed filter does about measurements that contradict its set, and what an update reports.
 
+#include <cstdint>
+
 #include "elliptude/measurement/sensors.hpp"
 
 namespace elliptude {

@@ -24,6 +24,8 @@
 ///
 /// Its bounds then change with each step.
 
+#include <utility>
+
 #include "elliptude/dynamics/potential.hpp"
 #include "elliptude/guaranteed/torque_forms.hpp"
 #include "elliptude/linear/norms.hpp"

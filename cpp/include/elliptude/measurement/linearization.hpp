@@ -36,7 +36,7 @@ class MeasuredDirections {
   static constexpr std::size_t most_directions = elliptude::most_directions;
 
   /// \return the status of `validate` for a direction; `attitude_undetermined` for fewer than two, or collinear ones;
-  /// `out_of_range` for more than `most_directions`.
+  /// `out_of_range` for more than `most_directions`, or a null pointer to any.
   [[nodiscard]] static Status make(const Direction<Scalar>* directions, std::size_t count, WahbaMethod method,
                                    MeasuredDirections& measured) noexcept {
     return make_by([method](const Matrix3<Scalar>& profile,
@@ -77,7 +77,7 @@ class MeasuredDirections {
   template <typename Solve>
   [[nodiscard]] static Status make_by(const Solve& solve, const Direction<Scalar>* directions, std::size_t count,
                                       MeasuredDirections& measured) noexcept {
-    if (count > most_directions) {
+    if (count > most_directions || (count > 0 && directions == nullptr)) {
       return Status::out_of_range;
     }
     if (count < 2) {

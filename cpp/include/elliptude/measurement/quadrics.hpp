@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Measurements as exact quadrics of the error about any center. (theory, section 16)
+/// Measurements as exact quadrics of the error about any center. (theory, sections 16.1 and 16.2)
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/linear/inverse.hpp"
@@ -35,12 +35,13 @@ template <typename Scalar, int Rows>
   if (const Status status = validate(measurement); status != Status::ok) {
     return status;
   }
-  Matrix<Scalar, Rows> root;
-  if (const Status status = put_cholesky(measurement.bound, root); status != Status::ok) {
-    return status;
+  const Matrix<Scalar, Rows> bound = symmetrized(measurement.bound);
+  if (!is_positive_definite(bound)) {  // before it is raised
+    return Status::not_positive_definite;
   }
+  Matrix<Scalar, Rows> root;
   Scalar share;
-  if (const Status status = inverse_root_from_below(measurement.bound, root, share); status != Status::ok) {
+  if (const Status status = inverse_root_from_below(bound, root, share); status != Status::ok) {
     return status;
   }
   root *= scalar::sqrt(Scalar(Scalar(1) - share));
@@ -124,7 +125,7 @@ template <typename Scalar>
 ///     ¼ γᵀ[(cos r + c) I − b̂b̃ᵀ − b̃b̂ᵀ]γ − d·γ ≤ 2 sin²(r/2) − ½‖b̂ − b̃‖²,
 ///
 /// divided by 2 sin²(r/2): the slack is (1 + ¼‖γ‖²)(1 − sin²(∠/2)/sin²(r/2)), one at the middle of the cone. A little
-/// wider, for rounding (theory, section 16). With r ≥ π it says nothing: A = 0, g = 0, c = 1.
+/// wider, for rounding (theory, eq. 16.2). With r ≥ π it says nothing: A = 0, g = 0, c = 1.
 /// \param center a rotation to rounding.
 /// \param reference e, and \param measured b̃, of any length.
 /// \param bound r, rad: the direction is known to this angle.
@@ -190,11 +191,24 @@ template <typename Scalar>
   const Matrix3<Scalar> a = t.transpose().lazyProduct(half);
   Quadric<Scalar, 3> quadric;
   quadric.a = symmetrized(a) - scalar::constant<Scalar>(0.0625L) * gamma.lazyProduct(gamma.transpose());
-  quadric.a.diagonal().array() -=
-      rounding::share<Scalar>(rounding::attitude_curvature) * (quadric.a.norm() + mg.norm());
   quadric.g = -t.transpose().lazyProduct(mg) - scalar::constant<Scalar>(0.25L) * gamma;
-  quadric.c = Scalar(1) - gamma.dot(mg) +
-              rounding::share<Scalar>(rounding::attitude_level) * (Scalar(1) + gamma.norm() * mg.norm() + mg.norm());
+  quadric.c = Scalar(1) - gamma.dot(mg);
+  // What the products lose, of their terms without signs; of the linear one 2eᵢ|γᵢ| ≤ eᵢ (w + γᵢ²/w), w = max|γ̂ᵢ|.
+  const Scalar share = rounding::share<Scalar>(rounding::attitude_products);
+  const Vector3<Scalar> far = gamma.cwiseAbs();
+  const Scalar farthest = far.maxCoeff();
+  const Matrix3<Scalar> rows = t.cwiseAbs();
+  const Matrix3<Scalar> terms = m.cwiseAbs();
+  const Vector3<Scalar> seen = terms.lazyProduct(far);
+  const Vector3<Scalar> linear = rows.transpose().lazyProduct(seen) + scalar::constant<Scalar>(0.25L) * far;
+  Vector3<Scalar> curved =
+      rows.transpose().lazyProduct(Vector3<Scalar>(terms.lazyProduct(Vector3<Scalar>(rows.rowwise().sum())))) +
+      scalar::constant<Scalar>(0.0625L) * far.sum() * far;
+  if (farthest > Scalar(0)) {
+    curved += linear / farthest;
+  }
+  quadric.a.diagonal() -= share * curved;
+  quadric.c += share * (Scalar(1) + far.dot(seen) + farthest * linear.sum());
   return quadric;
 }
 
@@ -221,7 +235,7 @@ template <typename Scalar>
     return status;
   }
   // Largest angle; a bound of less than rounding is used as if it were wider by that.
-  Matrix3<Scalar> bound = measured.bound;
+  Matrix3<Scalar> bound = symmetrized(measured.bound);
   bound.diagonal().array() += rounding::square<Scalar>();
   Matrix3<Scalar> m;
   SymmetricEigen<Scalar, 3> eigen;

@@ -3,6 +3,8 @@
 /// \file
 /// The measurements of one moment, and sets of them as bits.
 
+#include <cstdint>
+
 #include "elliptude/measurement/quadrics.hpp"
 
 namespace elliptude {

@@ -28,15 +28,26 @@ struct Direction {
 /// ω = ω̃ + υ with υ in E(0, bound) (paper, eqs. Omega, Tk); rad/s, body axes.
 template <typename Scalar>
 struct AngularVelocity {
-  Vector3<Scalar> value;
-  Matrix3<Scalar> bound;
+  Vector3<Scalar> value;  ///< ω̃
+  Matrix3<Scalar> bound;  ///< rad²/s²: of a ball the square of its radius
+
+  /// An angular velocity known to within `largest`, rad/s, in every direction, which must be positive: of another the
+  /// bound is none, which `validate` refuses as `not_positive_definite`.
+  [[nodiscard]] static AngularVelocity within(const Vector3<Scalar>& value, const Scalar& largest) noexcept {
+    return {value, ball_shape<3>(largest)};
+  }
 };
 
 /// A whole attitude, as a star tracker gives it: C = C̃ exp(S(ν)) with ν in E(0, bound), rad².
 template <typename Scalar>
 struct MeasuredAttitude {
-  Matrix3<Scalar> attitude;
-  Matrix3<Scalar> bound;
+  Matrix3<Scalar> attitude;  ///< C̃
+  Matrix3<Scalar> bound;     ///< rad²
+
+  /// An attitude known to an angle about any axis, rad, which must be positive, as for `Direction::within`.
+  [[nodiscard]] static MeasuredAttitude within(const Matrix3<Scalar>& attitude, const Scalar& angle) noexcept {
+    return {attitude, ball_shape<3>(angle)};
+  }
 };
 
 /// y = H x + v with v in E(0, bound), of the error x = [ζ; δ] about the center of the ellipsoid that it updates.

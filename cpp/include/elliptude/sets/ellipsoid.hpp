@@ -4,6 +4,8 @@
 /// Ellipsoids E(x̂, P) = {x : (x − x̂)ᵀ P⁻¹ (x − x̂) ≤ 1} in Rⁿ (paper, §2.3.2).
 /// P is the shape of a set, not a covariance. It may be singular: the ellipsoid is then flat.
 
+#include <cstdint>
+
 #include "elliptude/base/limits.hpp"
 #include "elliptude/base/out_of_line.hpp"
 #include "elliptude/base/rounding.hpp"
@@ -18,6 +20,13 @@ struct Ellipsoid {
   Vector<Scalar, N> center;
   Matrix<Scalar, N> shape;  ///< P, symmetric positive semidefinite
 };
+
+/// The shape of a ball: its squared radius times the identity, no smaller for rounding. A negative radius gives a shape
+/// that is none.
+template <int N, typename Scalar>
+[[nodiscard]] Matrix<Scalar, N> ball_shape(const Scalar& radius) noexcept {
+  return rounding::enlarged(Scalar(radius * scalar::abs(radius)), 2) * Matrix<Scalar, N>::Identity();
+}
 
 /// How large an ellipsoid is: tr(W P), the weighted sum of its squared semi-axes, or its volume. The trace depends on
 /// the units of the coordinates (W carries them), the volume does not.

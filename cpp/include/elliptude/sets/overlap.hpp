@@ -134,8 +134,9 @@ template <typename Scalar, int N>
 }  // namespace detail
 
 /// The overlap of two ellipsoids: 1 − max over 0 ≤ λ ≤ 1 of λ(1−λ) dᵀ(λP₁ + (1−λ)P₂)⁻¹d, with d the difference of the
-/// centers. It is 1 for a common center, 0 where they touch, and negative if and only if they have no common point. The
-/// maximum of this concave function is where λ √(yᵀP₁y) = (1−λ) √(yᵀP₂y), y = (λP₁ + (1−λ)P₂)⁻¹d. (theory, section 7)
+/// centers. It is 1 for a common center, 0 where they touch, and negative if and only if they have no common point, but
+/// for rounding: of sets that are thin to 1e-6 and nearly touch it may have the wrong sign (docs/domain.md). The maximum
+/// of this concave function is where λ √(yᵀP₁y) = (1−λ) √(yᵀP₂y), y = (λP₁ + (1−λ)P₂)⁻¹d. (theory, eq. 7.8)
 /// \return the status of `validate`; `not_positive_definite` also if λP₁ + (1−λ)P₂ is singular, both being flat.
 template <typename Scalar, int N>
 [[nodiscard]] Status overlap_margin(const Ellipsoid<Scalar, N>& first, const Ellipsoid<Scalar, N>& second,

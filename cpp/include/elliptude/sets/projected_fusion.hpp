@@ -2,7 +2,7 @@
 
 /// \file
 /// Guaranteed fusion for the first three of six coordinates alone: a small ellipsoid about the shadow of everything
-/// that satisfies a predicted ellipsoid and any number of quadrics at once. (theory, section 16.12)
+/// that satisfies a predicted ellipsoid and any number of quadrics at once. (theory, eqs. 16.8 and 16.9)
 
 #include "elliptude/sets/quadric_fusion.hpp"
 

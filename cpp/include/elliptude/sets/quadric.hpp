@@ -4,6 +4,8 @@
 /// Quadrics {y : yᵀAy + 2gᵀy ≤ c}. A need not be positive definite: a half-space, a slab, a cylinder and a cone's
 /// interior are quadrics as an ellipsoid is, and a measurement says that the state is in one. (theory, section 7)
 
+#include <cstdint>
+
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/sets/intersection.hpp"
 
@@ -83,7 +85,7 @@ template <typename Scalar, int N>
     return Status::not_symmetric;
   }
   Quadric<Scalar, N> result;
-  if (const Status status = inverse_from_below(ellipsoid.shape, result.a); status != Status::ok) {
+  if (const Status status = inverse_from_below(symmetrized(ellipsoid.shape), result.a); status != Status::ok) {
     return status;
   }
   result.g = -result.a.lazyProduct(ellipsoid.center);

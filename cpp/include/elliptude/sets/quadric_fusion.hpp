@@ -2,7 +2,7 @@
 
 /// \file
 /// Guaranteed fusion: a small ellipsoid about everything that satisfies a predicted ellipsoid and any number of
-/// quadrics at once (theory, section 16).
+/// quadrics at once (theory, section 16.5).
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/sets/detail/multiplier_search.hpp"
@@ -22,7 +22,7 @@ struct QuadricFusion {
   std::array<Scalar, most_quadrics> multipliers;  ///< μ of the quadrics as given, with Σμ = 1 over all constraints
   Scalar predicted_multiplier;                    ///< of (y − ŷ)ᵀP⁻¹(y − ŷ) ≤ 1
   /// The least N(μ) with Σμ = 1 on the way. No state satisfies all constraints with more slack than this; if negative,
-  /// it proves that none satisfies them. Ellipsoids and cones have a slack of at most about 1.
+  /// it proves that none satisfies them. Ellipsoids, and cones near the center, have one of at most 1 or so.
   Scalar margin;
   bool prediction_alone;      ///< whether no quadric makes the predicted ellipsoid smaller: `set` is the input
   std::size_t contradiction;  ///< after `empty_intersection`: which quadric weighs most against the rest at the proof
@@ -109,9 +109,10 @@ template <typename Scalar, int N>
   set.shape.noalias() = half.lazyProduct(half.transpose());
   set.center = at.shift + at.factor.lazyProduct(best.center);
   const Scalar spread = scalar::sqrt(Scalar(level * best.inverse.trace()));
+  const Vector<Scalar, N> terms = at.factor.cwiseAbs().lazyProduct(best.center.cwiseAbs());  // of the center
   Scalar loss(0);
   for (int i = 0; i < N; ++i) {
-    const Scalar lost = (spread * at.factor.row(i).norm() + scalar::abs(at.shift(i)) + scalar::abs(set.center(i))) /
+    const Scalar lost = (spread * at.factor.row(i).norm() + terms(i) + scalar::abs(at.shift(i))) /
                         scalar::sqrt(Scalar(set.shape(i, i)));
     loss = lost > loss ? lost : loss;
   }
@@ -285,7 +286,7 @@ template <typename Scalar, int N, typename Given>
 /// family E(−A⁻¹g, N A⁻¹), A = ΣμₖAₖ ≻ 0, g = Σμₖgₖ, c = Σμₖcₖ, N = c + gᵀA⁻¹g, over μ ≥ 0, never larger than the
 /// prediction, which is returned unchanged if nothing helps. A bounded number of steps, each a valid bound; rounding is
 /// on the safe side: a quadric more than about 1e7 times sharper than the prediction is used as if it were 1e7 times
-/// sharper. (theory, section 16)
+/// sharper. (theory, section 16.5)
 /// \param predicted positive definite; or null, and then the quadrics must bound a set by themselves.
 /// \return the status of `validate`; `out_of_range` for more than `most_quadrics`, and for one that cannot be scaled to
 /// a slack of one within floating point (entries of about 1e-308, or 1e308 in the widths of the prediction);

@@ -74,7 +74,7 @@ struct Interval {
 
 /// Where dᵀy may be for all y in an ellipsoid and in `count` quadrics: two questions, each with multipliers of its own,
 /// about the ellipsoid's center, so that nothing is lost where that is far from zero. For convex quadrics they are
-/// exact but for where the search ends. (theory, section 16.12)
+/// exact but for where the search ends. (theory, eq. 16.6)
 /// \param direction d, of any length.
 /// \return the status of `see` and of `largest_quotient`; `empty_intersection` if the bounds prove that nothing
 /// satisfies all.

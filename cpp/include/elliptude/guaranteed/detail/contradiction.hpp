@@ -183,7 +183,7 @@ class UnionOfChoices {
       const Ellipsoid<Scalar, 3> joined{solution.fusion.set.center.template head<3>(),
                                         solution.fusion.set.shape.template topLeftCorner<3, 3>()};
       const Ellipsoid<Scalar, 3> attitude =
-          within_prediction(attitude_of(known_.set), joined, attitude_criterion(solver_.criterion), alone_);
+          within_prediction(attitude_of(known_.set), joined, solver_.criterion.template of_first<3>(), alone_);
       solution.fusion.set.center << attitude.center, Vector3<Scalar>::Zero();
       solution.fusion.set.shape = product_shape(attitude.shape, known_.vector_bound.shape);
     }

@@ -45,22 +45,25 @@ class FilterLinearUpdate {
     } else {
       QuadricFusion<Scalar, 3> found;
       found.margin = Scalar(1);
+      found.contradiction = QuadricFusion<Scalar, 3>::none;
       const Ellipsoid<Scalar, 3> predicted = attitude_of(filter_.known.set);
       const Quadric<Scalar, 3> of_attitude{quadric.a.template topLeftCorner<3, 3>(), quadric.g.template head<3>(),
                                            quadric.c};
-      status = minimal_intersection(&predicted, &of_attitude, 1, attitude_criterion(filter_.settings.criterion), found);
-      fusion.margin = found.margin;
-      fusion.steps = found.steps;
-      fusion.ended_by_limit = found.ended_by_limit;
+      status =
+          minimal_intersection(&predicted, &of_attitude, 1, filter_.settings.criterion.template of_first<3>(), found);
+      put_search(found, fusion);
       if (status == Status::ok) {
-        fusion.prediction_alone = found.prediction_alone;
-        fusion.set.center << found.set.center, Vector3<Scalar>::Zero();
-        fusion.set.shape = product_shape(found.set.shape, filter_.known.vector_bound.shape);
+        put_product(found, Ellipsoid<Scalar, 3>{Vector3<Scalar>::Zero(), filter_.known.vector_bound.shape}, fusion);
       }
+    }
+    GuaranteedUpdate<Scalar> result;
+    if (status == Status::ok || status == Status::empty_intersection) {
+      result.margin = fusion.margin;
+      count_fusion(fusion, result);
     }
     if (status != Status::ok) {
       if (status == Status::empty_intersection) {
-        report_contradiction({Claim::none, false, 0, fusion.margin, 0, 1, fusion.steps, fusion.ended_by_limit}, update);
+        report_contradiction(result, update);
       }
       return status;
     }
@@ -72,7 +75,9 @@ class FilterLinearUpdate {
       filter_.known.set = next;
       filter_.constraints.count = 0;
     }
-    update = {filter_.claim, true, 0, fusion.margin, 0, 1, fusion.steps, fusion.ended_by_limit};
+    result.claim = filter_.claim;
+    result.prediction_used = true;
+    update = result;
     return Status::ok;
   }
 

@@ -88,10 +88,17 @@ struct FilterMemory {
     return known.has_attitude ? vector_of(known.set) : known.vector;
   }
 
-  /// Whether a bound of the vector has nothing in common with what is known of it, where that is not the bound itself.
+  /// Whether a bound of the vector surely has nothing in common with what is known of it, where that is not the bound
+  /// itself. Both are raised, so that rounding cannot call sets apart that are not. (theory, section 16.9)
   [[nodiscard]] bool contradicts(const Ellipsoid<Scalar, 3>& vector, const Ellipsoid<Scalar, 3>& bound) const noexcept {
+    const Scalar root = rounding::root<Scalar>();
+    Ellipsoid<Scalar, 3> wider_vector = vector;
+    Ellipsoid<Scalar, 3> wider_bound = bound;
+    wider_vector.shape.diagonal() *= Scalar(1) + root;
+    wider_bound.shape.diagonal() *= Scalar(1) + root;
     Scalar margin(1);
-    return !leaves_vector() && overlap_margin(vector, bound, margin) == Status::ok && margin < Scalar(0);
+    return !leaves_vector() && overlap_margin(wider_vector, wider_bound, margin) == Status::ok &&
+           margin < Scalar(-rounding::raised_overlap) * root;
   }
 
   /// A set of errors about a center put about its own. All sets but predictions come this way.

@@ -12,7 +12,7 @@
 
 namespace elliptude::detail {
 
-/// What an update reports that has changed nothing else.
+/// Copies into the caller's report how measurements contradicted, where nothing else of the filter changes.
 template <typename Scalar>
 void report_contradiction(const GuaranteedUpdate<Scalar>& result, GuaranteedUpdate<Scalar>& update) noexcept {
   update.margin = result.margin;
@@ -54,39 +54,8 @@ class FilterUpdate {
     }
     const Sensors all = given & ~beyond;
     GuaranteedUpdate<Scalar> result;
-    const SetSolver<State> solver = filter_.solver_of(measurements);
-    Solution& solution = solution_;
-    Status status = Status::ok;
-    if (filter_.may_be_wrong() && given != 0) {
-      if (sensors::number_of(given) > 8) {
-        return Status::out_of_range;
-      }
-      status = UnionOfChoices<State>(solver, all, filter_.settings.most_wrong - sensors::number_of(beyond))
-                   .find(solution, result);
-    } else {
-      status = solver.solve(all, Past::used, nullptr, solution);
-      count_fusion(solution.fusion, result);
-      if (status == Status::ok) {
-        result.margin = solution.fusion.margin;
-      } else if (status != Status::unbounded) {
-        if (const Status invalid = sensors::checked(measurements, Status::ok); invalid != Status::ok) {
-          return invalid;
-        }
-        // Measurements that are valid one by one but cannot be combined are treated like a contradiction, but not
-        // reported as one.
-        const bool empty = status == Status::empty_intersection;
-        result.margin = empty ? solution.fusion.margin : Scalar(-1);
-        result.contradicting = empty ? sensors::at(all, solution.fusion.contradiction) : 0;
-        if (const Status resolved = resolve(solver, filter_.settings.policy, all, solution, result);
-            resolved != Status::empty_intersection) {
-          status = resolved;
-        }
-      }
-      if (beyond != 0) {
-        result.margin = Scalar(-1);
-        result.contradicting = beyond;
-      }
-    }
+    const Status status = filter_.may_be_wrong() && given != 0 ? fuse_choices(measurements, given, beyond, result)
+                                                               : fuse_all(measurements, all, beyond, result);
     if (status == Status::empty_intersection) {
       report_contradiction(result, update);
     }
@@ -127,6 +96,46 @@ class FilterUpdate {
   }
 
  private:
+  /// The union over what may be wrong, of which impossible measurements are a part.
+  [[nodiscard]] Status fuse_choices(const Measurements<Scalar>& measurements, Sensors given, Sensors beyond,
+                                    GuaranteedUpdate<Scalar>& result) noexcept {
+    if (sensors::number_of(given) > most_of_choices) {
+      return Status::out_of_range;
+    }
+    const SetSolver<State> solver = filter_.solver_of(measurements);
+    return UnionOfChoices<State>(solver, given & ~beyond, filter_.settings.most_wrong - sensors::number_of(beyond))
+        .find(solution_, result);
+  }
+
+  /// All possible measurements at once, or, where they contradict what is known, what the policy leaves of them.
+  [[nodiscard]] Status fuse_all(const Measurements<Scalar>& measurements, Sensors all, Sensors beyond,
+                                GuaranteedUpdate<Scalar>& result) noexcept {
+    const SetSolver<State> solver = filter_.solver_of(measurements);
+    Status status = solver.solve(all, Past::used, nullptr, solution_);
+    count_fusion(solution_.fusion, result);
+    if (status == Status::ok) {
+      result.margin = solution_.fusion.margin;
+    } else if (status != Status::unbounded) {
+      if (const Status invalid = sensors::checked(measurements, Status::ok); invalid != Status::ok) {
+        return invalid;
+      }
+      // Measurements that are valid one by one but cannot be combined are treated like a contradiction, but not
+      // reported as one.
+      const bool empty = status == Status::empty_intersection;
+      result.margin = empty ? solution_.fusion.margin : Scalar(-1);
+      result.contradicting = empty ? sensors::at(all, solution_.fusion.contradiction) : 0;
+      const Status resolved = resolve(solver, filter_.settings.policy, all, solution_, result);
+      status = resolved == Status::empty_intersection ? status : resolved;
+    }
+    if (beyond != 0) {
+      result.margin = Scalar(-1);
+      result.contradicting = beyond;
+    }
+    return status;
+  }
+
+  static constexpr int most_of_choices = 8;  // measurements of which some may be wrong: 37 fusions at most
+
   /// \param beyond impossible measurements, which are left out: an angular velocity beyond the `FilterDomain`.
   /// \return the status of its `validate`; `out_of_range` where nothing may be left out.
   [[nodiscard]] Status find_impossible(const Measurements<Scalar>& measurements, Sensors& beyond) const noexcept {
@@ -243,7 +252,9 @@ class FilterUpdate {
     if (filter_.known.has_vector_bound) {
       sets[present++] = filter_.known.vector_bound;
     }
-    sets[present] = with_least_width(vector);
+    if (has_vector) {
+      sets[present] = with_least_width(vector);
+    }
     Ellipsoid<Scalar, 3> next;
     Status status = common_vector(sets, present + (has_vector ? 1 : 0), next, result.margin);
     if (status != Status::ok) {

@@ -4,6 +4,9 @@
 /// The set of states that the measurements of one moment and the past leave possible: one fusion, which decides nothing
 /// about contradictions. (theory, sections 16.5 to 16.7)
 
+#include <array>
+#include <cstdint>
+
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/guaranteed/kept_set.hpp"
 #include "elliptude/measurement/sensors.hpp"
@@ -16,9 +19,9 @@ template <typename State>
 struct Knowledge {
   using Scalar = StateScalar<State>;
 
-  GibbsEllipsoid<State> set = no_set();  ///< where the attitude is known; else not finite
-  Ellipsoid<Scalar, 3> vector;           ///< what is known about the vector while the attitude is not known
-  Ellipsoid<Scalar, 3> vector_bound;     ///< what always holds for the vector
+  GibbsEllipsoid<State> set = no_set();             ///< where the attitude is known; else not finite
+  Ellipsoid<Scalar, 3> vector = no_vector();        ///< what is known about the vector while the attitude is not known
+  Ellipsoid<Scalar, 3> vector_bound = no_vector();  ///< what always holds for the vector
   bool has_attitude = false;
   bool has_vector = false;
   bool has_vector_bound = false;
@@ -27,6 +30,10 @@ struct Knowledge {
   [[nodiscard]] static GibbsEllipsoid<State> no_set() noexcept {
     const Scalar none = scalar::not_a_number<Scalar>();
     return {State{Matrix3<Scalar>::Identity(), Vector3<Scalar>::Constant(none)}, Matrix6<Scalar>::Constant(none)};
+  }
+  [[nodiscard]] static Ellipsoid<Scalar, 3> no_vector() noexcept {
+    const Scalar none = scalar::not_a_number<Scalar>();
+    return {Vector3<Scalar>::Constant(none), Matrix3<Scalar>::Constant(none)};
   }
 };
 
@@ -58,12 +65,25 @@ template <typename Scalar>
   return shape;
 }
 
-/// The criterion for the attitude alone.
+/// How the search for an attitude alone has ended, as that of a state.
 template <typename Scalar>
-[[nodiscard]] SizeCriterion<Scalar, 3> attitude_criterion(const SizeCriterion<Scalar, 6>& criterion) noexcept {
-  const bool by_volume = criterion.by_volume();
-  return {by_volume ? SizeCriterion<Scalar, 3>::Kind::volume : SizeCriterion<Scalar, 3>::Kind::weighted_trace,
-          criterion.weight.template topLeftCorner<3, 3>()};
+void put_search(const QuadricFusion<Scalar, 3>& found, QuadricFusion<Scalar, 6>& fusion) noexcept {
+  fusion.margin = found.margin;
+  fusion.contradiction = found.contradiction;
+  fusion.steps = found.steps;
+  fusion.ended_by_limit = found.ended_by_limit;
+}
+
+/// The set that it has found, with the vector left to its bound.
+/// \param vector about the center of the attitude's coordinates.
+template <typename Scalar>
+void put_product(const QuadricFusion<Scalar, 3>& found, const Ellipsoid<Scalar, 3>& vector,
+                 QuadricFusion<Scalar, 6>& fusion) noexcept {
+  fusion.set.center << found.set.center, vector.center;
+  fusion.set.shape = product_shape(found.set.shape, vector.shape);
+  fusion.multipliers = found.multipliers;
+  fusion.predicted_multiplier = found.predicted_multiplier;
+  fusion.prediction_alone = found.prediction_alone;
 }
 
 /// Finds the smallest ellipsoid about the states that selected measurements, and the past if wanted, leave possible.
@@ -250,11 +270,8 @@ class SetSolver {
     found.margin = Scalar(1);
     found.contradiction = QuadricFusion<Scalar, 3>::none;
     const Status status = minimal_intersection(with_prediction ? &predicted : nullptr, quadrics.data(), count,
-                                               attitude_criterion(criterion), found);
-    solution.fusion.margin = found.margin;
-    solution.fusion.contradiction = found.contradiction;
-    solution.fusion.steps = found.steps;
-    solution.fusion.ended_by_limit = found.ended_by_limit;
+                                               criterion.template of_first<3>(), found);
+    put_search(found, solution.fusion);
     if (status != Status::ok) {
       return status;
     }
@@ -262,11 +279,7 @@ class SetSolver {
       return Status::unbounded;
     }
     const Vector3<Scalar> offset = known.vector_bound.center - vector_part(solution.center);
-    solution.fusion.set.center << found.set.center, offset;
-    solution.fusion.set.shape = product_shape(found.set.shape, known.vector_bound.shape);
-    solution.fusion.multipliers = found.multipliers;
-    solution.fusion.predicted_multiplier = found.predicted_multiplier;
-    solution.fusion.prediction_alone = found.prediction_alone;
+    put_product(found, Ellipsoid<Scalar, 3>{offset, known.vector_bound.shape}, solution.fusion);
     solution.used_prediction =
         with_prediction && (found.prediction_alone || found.predicted_multiplier > least_multiplier());
     return Status::ok;

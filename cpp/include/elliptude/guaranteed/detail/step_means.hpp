@@ -38,8 +38,8 @@ template <typename Scalar>
 struct FormChange {
   Scalar drift;  ///< what is linear in s − h/2, where the step ends
   Scalar rest;   ///< what is of second order in s − h/2, there
-  Scalar
-      missing;  ///< at all times: the forms in the middle are those of the first terms of the directions they are made of
+  /// At all times: the forms in the middle are those of the first terms of the directions they are made of.
+  Scalar missing;
 
   /// \param degree of the torque, 1 or 2, and 0 of none.
   /// \param turn_rate sum of the body's and the potential's rate, at most.

@@ -3,7 +3,7 @@
 /// \file
 /// The search for the multipliers of a question that is linear: how far a set reaches along a direction. With the
 /// largest point for given multipliers in closed form, a step works with N rows instead of N + 1 for each constraint.
-/// (theory, section 16.12)
+/// (theory, eq. 16.10)
 
 #include <algorithm>
 #include <limits>
@@ -202,7 +202,8 @@ class AffineSearch {
     const Scalar infinite(std::numeric_limits<scalar::Value<Scalar>>::infinity());
     const Scalar change =
         curvature > Scalar(0) ? Scalar(scalar::constant<Scalar>(0.5L) * slope * slope / curvature) : infinite;
-    // A multiplier that is not small moves by its own size at most, or so.
+    // One of more than a fiftieth of ‖w‖ is taken to move by at most fifty times itself: where D is nearly flat along
+    // it, the gain of second order has no bound and says nothing.
     const Scalar by_size = scalar::constant<Scalar>(50) * now_.mu[k] * scalar::abs(slope);
     const bool is_small = now_.mu[k] < scalar::constant<Scalar>(0.02L) * w_.norm();
     const Scalar least = is_small || change < by_size ? change : by_size;

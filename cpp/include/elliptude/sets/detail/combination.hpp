@@ -121,7 +121,7 @@ struct Problem {
 
 /// Whether the quadric and the ball have no common point: N(q) < 0 for some q ≥ 0 with A ≻ 0. N is convex; its least
 /// value is where ‖center‖ = 1, found by the step that makes 1/‖center‖ linear in q (Moré and Sorensen), kept in a
-/// bracket.
+/// bracket. (theory, eq. 7.7)
 template <typename Scalar, int N, typename Slack>
 [[nodiscard]] ELLIPTUDE_OUT_OF_LINE bool provably_empty(const Problem<Scalar, N, Slack>& problem,
                                                         const Scalar& start) noexcept {

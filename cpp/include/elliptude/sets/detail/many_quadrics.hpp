@@ -2,10 +2,12 @@
 
 /// \file
 /// Sums of many quadrics with multipliers: the family of ellipsoids in which guaranteed fusion searches, and its
-/// derivatives. (theory, section 16)
+/// derivatives. (theory, eq. 16.4 and section 16.5)
 
 #include <algorithm>
+#include <array>
 #include <new>
+#include <type_traits>
 
 #include "elliptude/base/limits.hpp"
 #include "elliptude/base/out_of_line.hpp"
@@ -44,6 +46,7 @@ struct Constraint {
   }
   template <typename Make>
   void constrain_all(int most_rank, const Make& make) noexcept {
+    static_assert(std::is_trivially_destructible_v<Quadric<Scalar, lead>>, "nothing ends what was here before");
     rank = most_rank;
     leading = false;
     new (&quadric) Quadric<Scalar, N>(make());
@@ -70,7 +73,7 @@ struct Constraint {
 
 /// The combination of many constraints, uᵀAu + 2gᵀu ≤ c, and what its minimisation needs. For the volume the convex
 /// function F(μ) = N − log det A has the minimiser of N A⁻¹'s volume; for the trace it is N + n log tr(W A⁻¹).
-/// (theory, section 16)
+/// (theory, eq. 16.4)
 template <typename Scalar, int N>
 class ManyQuadrics {
  public:

@@ -1,7 +1,10 @@
 #pragma once
 
 /// \file
-/// The search for the multipliers of guaranteed fusion, by Newton's method with bounds. (theory, section 16)
+/// The search for the multipliers of guaranteed fusion, by Newton's method with bounds. (theory, eq. 16.4 and
+/// section 16.5)
+
+#include <algorithm>
 
 #include "elliptude/base/rounding.hpp"
 #include "elliptude/sets/detail/many_quadrics.hpp"

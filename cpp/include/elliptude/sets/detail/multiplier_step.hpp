@@ -2,7 +2,7 @@
 
 /// \file
 /// A step of the search for the multipliers of guaranteed fusion: what does not depend on how many numbers an ellipsoid
-/// has, and so is there once for all. (theory, section 16)
+/// has, and so is there once for all. (theory, section 16.5)
 
 #include <algorithm>
 #include <array>

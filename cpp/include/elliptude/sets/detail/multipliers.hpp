@@ -1,10 +1,12 @@
 #pragma once
 
 /// \file
-/// Multipliers of constraints that are summed: which of them make a bound, and how far they may go. (theory, section 16)
+/// Multipliers of constraints that are summed: which of them make a bound, and how far they may go.
+/// (theory, section 16.5)
 
 #include <algorithm>
 #include <array>
+#include <cstddef>
 
 namespace elliptude::detail {
 

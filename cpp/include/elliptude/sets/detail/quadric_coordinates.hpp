@@ -18,7 +18,7 @@ struct Coordinates {
 };
 
 /// The quadric in u, relaxed by what rounding may do to it: for all u of the unit ball if that is one of the
-/// constraints, else for all u. (theory, section 16)
+/// constraints, else for all u. (theory, section 16.6)
 /// \param rows of the factor, those of the quadric's coordinates, without columns of zeros.
 template <typename Scalar, int M, int K>
 [[nodiscard]] Quadric<Scalar, K> relaxed(const Quadric<Scalar, M>& quadric, const Matrix<Scalar, M, K>& rows,

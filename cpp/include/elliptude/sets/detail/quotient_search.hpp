@@ -2,7 +2,11 @@
 
 /// \file
 /// The search for the multipliers of one question: a semidefinite problem of N + 1 rows and few unknowns, by an
-/// interior-point method. (theory, section 16.11)
+/// interior-point method. (theory, eq. 16.5 and section 16.11)
+
+#include <algorithm>
+#include <array>
+#include <limits>
 
 #include "elliptude/base/limits.hpp"
 #include "elliptude/base/rounding.hpp"
@@ -89,6 +93,7 @@ class QuotientSearch {
 
  private:
   static constexpr std::size_t most = most_questioned + 2;
+  static_assert(most_questioned <= rounding::most_in_quotient, "the rounding of a longer sum is not counted");
   static constexpr int longest_move = 4;
   using Unknowns = std::array<Scalar, most>;
 
@@ -317,8 +322,8 @@ class QuotientSearch {
   Scalar relief_;
   Unknowns x_;  // the multipliers, and s
   Form z_;
-  Scalar
-      gap_;  // about what s may still fall, on the path where the barrier's slope is e/τ; zero where s is the least for x
+  /// About what s may still fall, on the path where the barrier's slope is e/τ; zero where s is the least for x.
+  Scalar gap_;
   BorderedSystem<Scalar, most> system_;
 };
 

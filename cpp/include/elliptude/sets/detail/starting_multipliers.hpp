@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Where the search for the multipliers of guaranteed fusion begins. (theory, section 16)
+/// Where the search for the multipliers of guaranteed fusion begins. (theory, section 16.5)
 
 #include "elliptude/linear/eigen.hpp"
 #include "elliptude/sets/detail/many_quadrics.hpp"
