@@ -160,8 +160,8 @@ def gravity_bounds_over_windows(
     at : {"end", "middle"}
         ``"end"`` uses no later sample; ``"middle"`` halves the gyro's error, for a recording or a delay of T/2.
     maximum_step : float
-        A longer step between rows, s, is a gap, as rows with NaN are. Windows reach across it if ``gyro`` says how the
-        rate changes in one, and ``motion`` how the acceleration does.
+        A longer step between rows, s, is a gap, as rows with NaN are, and as one is that ``gyro`` does not cover.
+        Windows reach across it if ``gyro`` says how the rate changes in one, and ``motion`` how the acceleration does.
     every : int
         Only rows whose index is a multiple of this get a bound, which saves time; the others are not measured.
     velocity : MeasuredVelocity, optional
@@ -328,7 +328,7 @@ def _over_windows(
     turns = turns_within_offset(stamps, rates, rows, own, *time_offset, in_gaps)
     # Rows of the gyro, gaps between them, and rows among them with a sample.
     of_gyro = np.flatnonzero(~np.isnan(rates).any(axis=1))
-    gaps = (np.diff(of_gyro) > 1) | (np.diff(stamps[of_gyro]) > maximum_step)
+    gaps = (np.diff(of_gyro) > 1) | (np.diff(stamps[of_gyro]) > in_gaps.longest_interval)
     measured = np.flatnonzero(~(np.isnan(rows).any(axis=1) | np.isnan(turns.angles))[of_gyro])
     samples = of_gyro[measured]
     known = None if of_velocity is None else of_velocity[0].at_rows(own[samples], at, time_offset[0])
