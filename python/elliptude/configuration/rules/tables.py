@@ -104,7 +104,8 @@ class AccelerometerRule(Model):
     averaged_over_s: Size = AVERAGED_OVER_S
     scale_error: Fraction
     time_offset_bound_s: Size
-    # How far the offsets of two samples of a window differ at most. Any that the bound allows if it is not stated.
+    # How far the offset drifts within a window at most, steadily; what differs from sample to sample beside that is
+    # jitter, and part of the averaged error. As far as the bound allows, either way, if it is not stated.
     time_offset_change_s: Size | None = None
 
     @property
@@ -122,7 +123,7 @@ class MotionRule(Model):
 
     velocity_m_per_s: Size
     position_m: Size
-    # The mean acceleration over any of the windows, and over shorter ones at the ends of a recording.
+    # How large the linear acceleration is at most, at any time: no mean.
     acceleration_m_per_s2: PositiveSize | None = None
     # How fast the acceleration changes at most, but for a part no larger than a sample's error: for lost samples.
     largest_jerk_m_per_s3: PositiveSize | None = None

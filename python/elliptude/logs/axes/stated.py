@@ -215,13 +215,13 @@ class Stated:
             own, gravity_error = rule.accelerometer.sensor(), rule.accelerometer.gravity_error_m_per_s2
             gravity = rule.accelerometer.gravity_m_per_s2
             offset += rule.accelerometer.time_offset_bound_s
-            mean_acceleration = _over(rule.motion.bounds())
+            mean_acceleration = over(rule.motion.bounds(), offset)
         else:
             assert isinstance(bound, AccelerationBound | VelocityWindowBound)
             own, gravity_error = configuration.sensor_bounds(sensor), bound.gravity_error_m_per_s2
             gravity = sensor.gravity_m_per_s2
             if isinstance(bound, VelocityWindowBound):
-                mean_acceleration = _over(_motion(bound))
+                mean_acceleration = over(_motion(bound), offset)
             else:
                 largest = bound.acceleration_m_per_s2
                 mean_acceleration = lambda _: largest  # noqa: E731
@@ -261,9 +261,12 @@ class Stated:
         )
 
 
-def _over(motion: MotionBounds) -> Callable[[float], float]:
+def over(motion: MotionBounds, offset: float) -> Callable[[float], float]:
+    """The bound of the mean acceleration over windows of half-lengths, s, by stamps that may be off by an offset."""
+
     def mean_acceleration(half_length: float) -> float:
-        half = np.array([half_length])
+        # Within a window that may drift from early to late, (18.64).
+        half = np.array([max(half_length - offset, 0.0)])
         return float(motion.mean_acceleration_triangular(half, half)[0])
 
     return mean_acceleration
