@@ -116,7 +116,7 @@ def apply_rule(
     accelerometer, forces_at = rule.accelerometer, stamps if forces_sampled is None else forces_sampled
     if longest_interval is None:
         longest_interval = longest_interval_of(np.diff(stamps), rule.gyro.longest_interval_s)
-    gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest_interval)
+    gyro = dataclasses.replace(rule.gyro_bounds(), longest_interval=longest_interval)
     rest = rest_at_start(rule.rest, stamps, rates, forces, gyro)
     bias = mean_over_time(stamps[rest], rates[rest])
     rates, gyro = rates - bias, after_rest(gyro, stamps[rest])

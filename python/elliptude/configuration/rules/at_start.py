@@ -103,7 +103,7 @@ class UpAtRest(NamedTuple):
 
 def turn_in_rest(rule: Rule, times: FloatArray) -> float:
     """How far the body's attitudes in a rest at these times may be from one another, rad, theory.md section 18.5."""
-    return min(rule.gyro.bounds().bias * float(times[-1] - times[0]), np.pi)
+    return min(rule.gyro_bounds().bias * float(times[-1] - times[0]), np.pi)
 
 
 def up_at_rest(rule: Rule, times: FloatArray, forces: FloatArray, turned: float = 0.0) -> UpAtRest:
@@ -253,7 +253,7 @@ def field_at_start(
     """
     assert rule.magnetometer is not None
     longest = longest_interval_of(np.diff(times), rule.gyro.longest_interval_s)
-    gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest)
+    gyro = dataclasses.replace(rule.gyro_bounds(), longest_interval=longest)
     rest = rest_at_start(rule.rest, times, angular_velocities, specific_forces, gyro)
     moved = moved_fields(rule.magnetometer, times, fields, fields_sampled, longest)
     forces_at = times if forces_sampled is None else forces_sampled

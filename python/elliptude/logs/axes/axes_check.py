@@ -145,7 +145,7 @@ def _wider_rule(rule: Rule) -> Rule:
 
 def _gyro(log: Log, rates: FloatArray, configuration: Configuration, rule: Rule) -> tuple[FloatArray, GyroBounds]:
     """The rates without their bias, and their error bounds."""
-    flow, usual = configuration.flow, rule.gyro.bounds()
+    flow, usual = configuration.flow, rule.gyro_bounds()
     if not isinstance(flow, GyroFlow):
         assert configuration.rate is not None
         radius = float(np.sqrt(np.linalg.eigvalsh(configuration.rate.bound())[-1]))

@@ -164,7 +164,7 @@ class Stated:
         flow, windows = self._configuration.flow, [0.0]
         assert isinstance(flow, GyroFlow)
         if (rule := self._configuration.rule) is not None:
-            windows += [*rule.rule().motion.windows_s, rule.anchor_s or 0.0]
+            windows += rule.rule().motion.windows_s
         else:
             windows.append(flow.anchor_s or 0.0)
         for sensor in self._configuration.directions:
@@ -196,7 +196,7 @@ class Stated:
         rows = log.gyro_rows
         forces = log.directions[rows, configuration.directions.index(accelerometer)]
         longest = longest_interval_of(np.diff(log.times[rows]), rule.gyro.longest_interval_s)
-        gyro = replace(rule.gyro.bounds(), longest_interval=longest)
+        gyro = replace(rule.gyro_bounds(), longest_interval=longest)
         rest = rest_at_start(rule.rest, log.times[rows], log.rates[rows], forces, gyro)
         stamps = log.times[rows][rest]
         return mean_over_time(stamps, log.rates[rows][rest]), after_rest(gyro, stamps)
