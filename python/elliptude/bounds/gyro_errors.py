@@ -125,10 +125,11 @@ class GyroErrors:
         In axes that do not turn, in which an increment is the turn of such a noise, too.
         """
         lasting = [self.noise]
+        longest = min(duration, self.longest_window)
         if np.isfinite(self.increment):
-            lasting.append(self.increment / duration)
+            lasting.append(self.increment / longest)
         if np.isfinite(self.noise_turn):
-            lasting.append(self.noise_turn / duration + self.noise_turn_growth)
+            lasting.append(self.noise_turn / longest + self.noise_turn_growth)
         return min(lasting)
 
     @property
@@ -259,11 +260,21 @@ class GyroErrors:
             rad, times the lengths' unit.
         """
         spans, rate = np.asarray(durations, dtype=np.float64), self.noise / (1.0 - self.scale_error)
-        # Of windows as long as the longest there are at most T / L + 1.
-        pieces, piece = np.asarray(length, dtype=np.float64), np.asarray(longest, dtype=np.float64)
+        lengths, most = np.asarray(length, dtype=np.float64), np.asarray(longest, dtype=np.float64)
+        piece = np.minimum(most, self.longest_window)
+        # One window as long as it may be, and beside that any noise; or as many as it takes, at most T / L + 1.
+        beside = rate * lengths * (most - piece)
+        angle = np.minimum(rate * spans, self._of_pieces(spans, turned, lengths, piece) + beside)
         if np.isfinite(self.longest_window):
-            pieces, piece = pieces + spans / self.longest_window, np.minimum(piece, self.longest_window)
-        angle: FloatArray = rate * spans
+            angle = np.minimum(angle, self._of_pieces(spans, turned, lengths + spans / self.longest_window, piece))
+        found: FloatArray = angle
+        return found
+
+    def _of_pieces(
+        self, spans: FloatArray, turned: FloatArray | float, pieces: FloatArray, piece: FloatArray
+    ) -> FloatArray:
+        """What increment and turn by noise bound where they hold for pieces of that length (s), as many of them."""
+        rate, angle = self.noise / (1.0 - self.scale_error), np.full_like(spans, np.inf)
         if np.isfinite(self.increment):
             angle = np.minimum(angle, self.swept_increment(turned, pieces) * (1.0 + 0.5 * rate * piece))
         if np.isfinite(self.noise_turn):

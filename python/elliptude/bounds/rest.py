@@ -199,19 +199,24 @@ def mean_at_rest(
         From one row of a run to the next, s: a longer one ends it, as samples were lost there.
     """
     there = np.asarray(np.isfinite(vectors).all(axis=1))
-    runs = np.cumsum(np.diff(times, prepend=times[:1]) > longest_step) * 2 + there
-    firsts = np.flatnonzero(np.diff(runs, prepend=-1))
-    lasts = np.append(firsts[1:], len(times)) - 1
-    lengths = np.where(there[firsts], times[lasts] - times[firsts], 0.0)
-    longest = int(np.argmax(lengths)) if len(lengths) else 0
-    lasted = float(lengths[longest]) if len(lengths) else 0.0
-    error = float(sensor.mean_error(lasted)) if lasted > 0.0 else sensor.error
+    run = longest_run(times, there, longest_step=longest_step)
     if not there.any():
         return np.full(3, np.nan), sensor.error, 0.0
+    lasted = float(times[run][-1] - times[run][0])
     if not lasted > 0.0:
-        return vectors[there].mean(axis=0), error, 0.0
-    run = slice(int(firsts[longest]), int(lasts[longest]) + 1)
-    mean = mean_over_time(times[run], vectors[run])
+        return vectors[there].mean(axis=0), sensor.error, 0.0
+    mean, error = mean_over_time(times[run], vectors[run]), float(sensor.mean_error(lasted))
     # As many additions lose of the mean.
     lost = float(np.finfo(np.float64).eps) * (len(vectors) + 20.0) * float(np.linalg.norm(mean))
     return mean, error + lost, lasted
+
+
+def longest_run(times: FloatArray, there: NDArray[np.bool_], *, longest_step: float = np.inf) -> slice:
+    """The longest run of rows that are all there, with steps (s) of at most that length; no rows if none is there."""
+    runs = np.cumsum(np.diff(times, prepend=times[:1]) > longest_step) * 2 + there
+    firsts = np.flatnonzero(np.diff(runs, prepend=-1))
+    firsts, lasts = firsts[there[firsts]], (np.append(firsts[1:], len(times)) - 1)[there[firsts]]
+    if not len(firsts):
+        return slice(0, 0)
+    longest = int(np.argmax(times[lasts] - times[firsts]))
+    return slice(int(firsts[longest]), int(lasts[longest]) + 1)

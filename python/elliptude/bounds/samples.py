@@ -202,13 +202,16 @@ def angle_to_center(
     if not np.all((dm >= 0.0) & (dm < m) & np.isfinite(m)):
         raise ValueError("magnitude must be finite and positive, and magnitude_error from 0 to below it")
     least, greatest = m - dm, m + dm
-    r = rounded_up(r, y, greatest)
-    excess = radius_excess(y, least, greatest, r)
-    # The angle is largest where x is tangent to the ball, or at the end of the range of ‖x‖ next to that.
-    tangent = np.sqrt(np.maximum((y - r) * (y + r), 0.0))
-    x = np.clip(tangent, least, greatest)
-    difference = np.abs(y - x)
-    with np.errstate(invalid="ignore", divide="ignore"):
+    excess = radius_excess(y, least, greatest, rounded_up(r, y, greatest))
+    # In a unit that is about the magnitude squares neither grow nor vanish; powers of two change no digit.
+    exponent = -np.frexp(m)[1]
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        y, r, least, greatest = (np.ldexp(length, exponent) for length in (y, r, least, greatest))
+        r = rounded_up(r, y, greatest)
+        # The angle is largest where x is tangent to the ball, or at the end of the range of ‖x‖ next to that.
+        tangent = np.sqrt(np.maximum((y - r) * (y + r), 0.0))
+        x = np.clip(tangent, least, greatest)
+        difference = np.abs(y - x)
         squared_sine = (r - difference) * (r + difference) / (4.0 * x * y)
     squared_sine = np.where((y == 0.0) | np.isinf(r), 1.0, squared_sine)
     angles = 2.0 * np.arcsin(np.sqrt(np.clip(squared_sine, 0.0, 1.0)))

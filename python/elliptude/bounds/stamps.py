@@ -146,7 +146,8 @@ def time_offset_angles(
         The stamps, s; those of the gyro's samples if left out.
     gyro : GyroBounds, optional
         Error bounds of the measured rates; exact if left out. In gaps the rate is at most its largest one, before the
-        first and after the last sample also what its angular acceleration makes of that sample's.
+        first and after the last sample also what its angular acceleration makes of that sample's, with the part that
+        changes quickly.
     bias_known : float, optional
         When the gyro's bias was known, s, from where on it drifts; at the first row if left out.
     angular_acceleration : float
@@ -197,11 +198,13 @@ def time_offset_angles(
         across = _range_maximum_across(rates, directions, first, last) + _range_maximum(errors, first, last)
         largest = np.where(np.isnan(across), largest, np.minimum(across, largest))
     largest = np.maximum(largest, in_gaps)
-    if gyro is not None:
-        beyond = _beyond(stamps, speeds, begins, ends, gyro, angular_acceleration)
-        largest = np.where(np.isnan(largest), largest, np.fmax(largest, beyond))
+    largest = largest + between
+    # Without a gyro's bounds the rate beyond the samples changes as it does between them.
+    known = GyroBounds(0.0, angular_acceleration=angular_acceleration) if gyro is None else gyro
+    beyond = _beyond(stamps, speeds, begins, ends, offsets, known, angular_acceleration)
+    largest = np.where(np.isnan(largest), largest, np.fmax(largest, beyond))
     # Nothing turns in no time, whatever is known of the rate.
-    angles = np.multiply(offsets, largest + between, out=np.zeros_like(wanted), where=offsets > 0.0)
+    angles = np.multiply(offsets, largest, out=np.zeros_like(wanted), where=offsets > 0.0)
     return np.minimum(angles, np.pi)
 
 
@@ -210,10 +213,11 @@ def _beyond(
     speeds: FloatArray,
     begins: FloatArray,
     ends: FloatArray,
+    offsets: FloatArray,
     gyro: GyroBounds,
     angular_acceleration: float,
 ) -> FloatArray:
-    """Bound of the mean rate in the part of each interval that no sample covers, rad/s; 0 without one.
+    """Bound of the mean rate in a part of each interval that no sample covers, rad/s; 0 without one.
 
     Parameters
     ----------
@@ -221,20 +225,25 @@ def _beyond(
         Of the samples, s, and what the true rate is at most, rad/s.
     begins, ends : (M,) array
         Of the intervals, s.
+    offsets : (M,) array
+        How long the parts are at most, s, wherever they are within the intervals.
 
     Returns
     -------
     (M,) array
     """
-    # What changes the rate beside the noise does so on either side of the sample; what is beside the angular
-    # acceleration of gaps is a part of at most the noise.
-    growth, quick = gyro.angular_acceleration, gyro.noise
+    # What is beside the angular acceleration of gaps is a part of at most the noise: it may be the one way in the
+    # sample, and the other way beyond it.
+    growth, quick = gyro.angular_acceleration, 2.0 * gyro.noise
     if 0.0 < angular_acceleration <= growth:
         growth, quick = angular_acceleration, 0.0
     found = np.zeros_like(begins)
     for lengths, speed in ((stamps[0] - begins, speeds[0]), (ends - stamps[-1], speeds[-1])):
         outside = lengths > 0.0
-        grown = speed + quick + 0.5 * growth * lengths[outside]
+        # The furthest part is the fastest one: over its length the rate has grown by as much as in its middle.
+        length = lengths[outside]
+        with np.errstate(invalid="ignore"):  # where nothing is known of the growth
+            grown = speed + quick + growth * (length - 0.5 * np.minimum(length, offsets[outside]))
         found[outside] = np.maximum(found[outside], np.fmin(grown, gyro.largest_rate))
     return found
 

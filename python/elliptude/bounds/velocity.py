@@ -119,9 +119,22 @@ class VelocityOfRows:
         stop = np.where(previous[window.stop] > window.row, previous[window.stop], window.stop)
         return start, stop
 
-    def mean_acceleration(self, window: Window) -> FloatArray:
-        """Bound of the mean acceleration with equal weights over each window, (18.48), m/s²."""
+    def mean_acceleration(self, window: Window, spans: FloatArray | None = None) -> FloatArray:
+        """Bound of the mean acceleration with equal weights over each window, (18.48), m/s².
+
+        Parameters
+        ----------
+        window : Window
+        spans : (M,) array, optional
+            How long these are at least in the motion's time, s; as long as their stamps say if left out.
+
+        Returns
+        -------
+        (M,) array
+        """
+        spans = window.before + window.after if spans is None else spans
         change = lengths_of(self.velocities[window.stop] - self.velocities[window.start])
         error = self.errors[window.stop] + self.errors[window.start]
-        bound: FloatArray = np.where(np.isfinite(error), change + error, np.inf) / (window.before + window.after)
+        most = np.where(np.isfinite(error), change + error, np.inf)
+        bound: FloatArray = np.divide(most, spans, out=np.full_like(spans, np.inf), where=~(spans <= 0.0))
         return bound

@@ -74,16 +74,16 @@ class MotionBounds:
                 raise ValueError(f"{name} must be at least 0, not {getattr(self, name)}")
 
     def mean_acceleration_uniform(self, before: FloatArray, after: FloatArray) -> FloatArray:
-        """Bound of the mean acceleration over [-before, after], (18.5), m/s²."""
-        return np.minimum(self.acceleration, 2.0 * self.velocity / (before + after))
+        """Bound of the mean acceleration over [-before, after], (18.5), m/s²; over no time a speed bounds nothing."""
+        return np.minimum(self.acceleration, _over(2.0 * self.velocity, before + after))
 
     def mean_acceleration_triangular(self, before: FloatArray, after: FloatArray) -> FloatArray:
         """Bound of the mean weighted by a triangle over [-before, after] with its top at 0, (18.6), m/s²."""
-        from_velocity = 4.0 * self.velocity / (before + after)
-        from_position = 4.0 * self.position / (before * after)
+        from_velocity = _over(4.0 * self.velocity, before + after)
+        from_position = _over(4.0 * self.position, before * after)
         return np.minimum(self.acceleration, np.minimum(from_velocity, from_position))
 
-    def unseen(self, window: Window, error: float, *, triangular: bool) -> FloatArray:
+    def unseen(self, window: Window, error: float, *, triangular: bool, drift: float = 0.0) -> FloatArray:
         """Bound of how far the mean of samples is from that of the motion because of gaps, (18.54), m/s².
 
         Where no jerk is stated no window reaches across a gap.
@@ -95,17 +95,34 @@ class MotionBounds:
             Of a sample: what of the acceleration may change faster than by the jerk is no larger, m/s².
         triangular : bool
             Whether weights rise to a top and fall; they are equal otherwise.
+        drift : float
+            How far offsets of stamps drift within a window at most, s: a gap is as much longer than they say, (18.64).
 
         Returns
         -------
         (M,) array
         """
-        peak = (2.0 if triangular else 1.0) / (window.before + window.after)
+        spans = window.before + window.after
+        peak = (2.0 if triangular else 1.0) / spans
         share = 1.0 / 3.0 if triangular else 0.25
-        by_jerk = share * self.jerk * window.gaps.squares if np.isfinite(self.jerk) else 0.0
+        jerk = self.jerk * (1.0 + drift / spans)
+        by_jerk = share * jerk * window.gaps.squares if np.isfinite(self.jerk) else 0.0
         # What changes faster may be one way in the samples around a gap, and the other way in it.
         unseen: FloatArray = peak * (by_jerk + 2.0 * error * window.gaps.time)
         return unseen
+
+
+def _over(moved: float, spans: FloatArray) -> FloatArray:
+    """What was moved by, over spans; infinite where these are none."""
+    quotients: FloatArray = np.divide(moved, spans, out=np.full_like(spans, np.inf), where=~(spans <= 0.0))
+    return quotients
+
+
+def _of_motion(window: Window, drift: float) -> tuple[FloatArray, FloatArray]:
+    """Before the top and after it, s, how long windows are in the motion's time at least if stamps drift, (18.64)."""
+    # What is left of a window that may be no time at all is rounding.
+    share = np.maximum(1.0 - (1.0 + 1e-9) * drift / (window.before + window.after), 0.0)
+    return share * window.before, share * window.after
 
 
 def gravity_bounds_over_windows(
@@ -155,13 +172,15 @@ def gravity_bounds_over_windows(
     time_offset : float
         Bound of the accelerometer's time against the gyro's, s.
     time_offset_change : float
-        How far those of two samples within a window may differ, s. What one offset does to all samples nearly goes
-        away in a window in which the body turns there and back, (18.60).
+        How far that drifts within a window at most, s, from its first sample to its last, steadily, as it does between
+        two clocks of different rates; a window is as much shorter for what bounds the motion, (18.64). What differs
+        from sample to sample beside that is jitter: it has to be in the sensor's ``averaged_error``. What one offset
+        does to all samples nearly goes away in a window in which the body turns there and back, (18.60).
     at : {"end", "middle"}
         ``"end"`` uses no later sample; ``"middle"`` halves the gyro's error, for a recording or a delay of T/2.
     maximum_step : float
-        A longer step between rows, s, is a gap, as rows with NaN are. Windows reach across it if ``gyro`` says how the
-        rate changes in one, and ``motion`` how the acceleration does.
+        A longer step between rows, s, is a gap, as rows with NaN are, and as one is that ``gyro`` does not cover.
+        Windows reach across it if ``gyro`` says how the rate changes in one, and ``motion`` how the acceleration does.
     every : int
         Only rows whose index is a multiple of this get a bound, which saves time; the others are not measured.
     velocity : MeasuredVelocity, optional
@@ -179,17 +198,19 @@ def gravity_bounds_over_windows(
     ValueError
         If an argument is out of its range.
     """
+    drift = min(time_offset_change, 2.0 * time_offset)
 
     def uniform(window: Window) -> FloatArray:
-        mean = motion.mean_acceleration_uniform(window.before, window.after)
-        return mean + motion.unseen(window, sensor.error, triangular=False)
+        mean = motion.mean_acceleration_uniform(*_of_motion(window, drift))
+        return mean + motion.unseen(window, sensor.error, triangular=False, drift=drift)
 
     def triangular(window: Window) -> FloatArray:
-        mean = motion.mean_acceleration_triangular(window.before, window.after)
-        return mean + motion.unseen(window, sensor.error, triangular=True)
+        mean = motion.mean_acceleration_triangular(*_of_motion(window, drift))
+        return mean + motion.unseen(window, sensor.error, triangular=True, drift=drift)
 
     def measured(known: VelocityOfRows, window: Window) -> FloatArray:
-        return known.mean_acceleration(window) + motion.unseen(window, sensor.error, triangular=False)
+        mean = known.mean_acceleration(window, np.add(*_of_motion(window, drift)))
+        return mean + motion.unseen(window, sensor.error, triangular=False, drift=drift)
 
     of_velocity = None if velocity is None else (velocity, measured)
     return _over_windows(
@@ -328,7 +349,7 @@ def _over_windows(
     turns = turns_within_offset(stamps, rates, rows, own, *time_offset, in_gaps)
     # Rows of the gyro, gaps between them, and rows among them with a sample.
     of_gyro = np.flatnonzero(~np.isnan(rates).any(axis=1))
-    gaps = (np.diff(of_gyro) > 1) | (np.diff(stamps[of_gyro]) > maximum_step)
+    gaps = (np.diff(of_gyro) > 1) | (np.diff(stamps[of_gyro]) > in_gaps.longest_interval)
     measured = np.flatnonzero(~(np.isnan(rows).any(axis=1) | np.isnan(turns.angles))[of_gyro])
     samples = of_gyro[measured]
     known = None if of_velocity is None else of_velocity[0].at_rows(own[samples], at, time_offset[0])

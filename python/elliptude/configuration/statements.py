@@ -34,10 +34,12 @@ class VelocityWindowBound(Model):
     windows_s: Annotated[tuple[PositiveSize, ...], Field(min_length=1)]
     velocity_m_per_s: Size | None = None
     position_m: Size | None = None
+    # How large the linear acceleration is at most, at any time: no mean.
     acceleration_m_per_s2: Size | None = None
     # How fast the acceleration changes at most, but for a part no larger than a sample's error: for lost samples.
     largest_jerk_m_per_s3: PositiveSize | None = None
-    # How far the offsets in time of two samples of a window differ at most. If not stated, any within their bound.
+    # How far the offset in time drifts within a window at most, steadily; what differs from sample to sample beside
+    # that is jitter, and part of the averaged error. If not stated, as far as the bound allows, either way.
     time_offset_change_s: Size | None = None
     gravity_error_m_per_s2: Size = 0.0
     at: Literal["end", "middle"] = "end"

@@ -402,7 +402,7 @@ def _by_rule(log: Log, configuration: Configuration) -> DirectionRows:
     rows = np.flatnonzero(sampled) if log.gyro_times is not None else np.arange(len(log.times))
     require_shared_stamps(log, names, rows)
     vectors, rule = log.directions[rows], configuration.calibrated_rule()
-    rule.require_earth_rate(configuration.rule.anchor_s)
+    rule.require_earth_rate()
     own = [None if (times := log.sampled(i)) is None else times[rows] for i in range(len(names))]
     velocity = measured_velocity(log, configuration)
     _require_as_slow(velocity, rule.motion.velocity_m_per_s, "the rule")

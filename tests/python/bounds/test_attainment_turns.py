@@ -318,16 +318,39 @@ def test_a_stamp_that_may_be_beyond_the_samples(end):
     assert time_offset_angles(times, rates, tau, gyro=known)[end] == np.pi
     largest = dataclasses.replace(known, largest_rate=3.0)
     np.testing.assert_allclose(time_offset_angles(times, rates, tau, gyro=largest)[end], tau * 3.0, rtol=1e-12)
-    # A rate that grows from its sample on, by the angular acceleration, and shows the noise the other way.
+    # A rate that grows from its sample on, by the angular acceleration. The sample shows too little by the noise; and
+    # the part of the rate that changes quickly, as much, is the other way at the sample.
     growing = dataclasses.replace(largest, angular_acceleration=5.0)
     np.testing.assert_allclose(
-        time_offset_angles(times, rates, tau, gyro=growing)[end], tau * (0.1 + 2.0 * 0.01 + 0.5 * 5.0 * tau), rtol=1e-12
+        time_offset_angles(times, rates, tau, gyro=growing)[end], tau * (0.1 + 3.0 * 0.01 + 0.5 * 5.0 * tau), rtol=1e-12
     )
     # One that is stated beside the noise, as between samples.
     beside = time_offset_angles(times, rates, tau, gyro=growing, angular_acceleration=2.0)[end]
     assert tau * (0.11 + 0.5 * 2.0 * tau) <= beside <= tau * (0.11 + 2.0 * tau)
     # Within the samples nothing has changed.
     np.testing.assert_allclose(time_offset_angles(times, rates, tau, gyro=growing)[50], tau * 0.11, rtol=1e-12)
+
+
+@pytest.mark.parametrize("end", [-1.0, 1.0])
+@pytest.mark.parametrize("beyond", [0.0, 0.05, 1.0, 10.0])
+def test_a_stamp_beyond_the_samples(beyond, end):
+    """The rate grows from the last sample on: the turn is that about the stamp, long after it."""
+    times, rates, growth, tau = 0.01 * np.arange(101), np.tile([1.0, 0.0, 0.0], (101, 1)), 1.0, 0.1
+    stamp = times[-1 if end > 0.0 else 0] + end * beyond
+    turned = tau * (1.0 + growth * beyond) + 0.5 * growth * tau**2
+    gyro = GyroBounds(0.0, angular_acceleration=growth, longest_interval=0.02)
+    known = ({"gyro": gyro}, {"gyro": gyro, "angular_acceleration": growth}, {"angular_acceleration": growth})
+    for stated in known:
+        (angle,) = time_offset_angles(times, rates, tau, at=[stamp], **stated)
+        assert_reached(turned, angle, share=0.96 if "gyro" in stated and "angular_acceleration" in stated else 0.999)
+
+
+def test_a_stamp_less_than_its_offset_beyond_the_samples():
+    """Of the time between the stamp and the true one only a part is beyond them."""
+    times, rates, growth, tau, beyond = 0.01 * np.arange(101), np.zeros((101, 3)), 1.0, 0.1, 0.04
+    gyro = GyroBounds(0.0, angular_acceleration=growth, longest_interval=0.02)
+    (angle,) = time_offset_angles(times, rates, tau, at=[times[-1] + beyond - tau], gyro=gyro)
+    assert 0.5 * growth * beyond**2 <= angle <= tau * 0.5 * growth * beyond * (1.0 + 1e-9)
 
 
 def test_only_what_is_across_a_direction_turns_it():

@@ -271,6 +271,21 @@ def test_no_window_reaches_across_a_long_step(at):
     np.testing.assert_array_equal(without, expected)
 
 
+def test_no_window_reaches_across_a_step_that_the_gyro_does_not_cover():
+    """The body turns in a gap that the gyro's bounds say nothing of, whatever the longest step between rows is."""
+    times = np.concatenate([0.01 * np.arange(201), 2.5 + 0.01 * np.arange(201)])
+    up = np.where((times > 2.2)[:, None], [0.0, np.sin(np.deg2rad(10.0)), np.cos(np.deg2rad(10.0))], UP)
+    motion = MotionBounds(velocity=0.02, position=0.05, jerk=10.0)
+    gyro = GyroBounds(1e-4, longest_interval=0.015, largest_rate=10.0)
+    for at in ("middle", "end"):
+        bounds = windows(G * up, times=times, durations=[2.0], motion=motion, gyro=gyro, at=at)
+        errors = np.array([angle_between(*pair) for pair in zip(bounds.directions, up, strict=True)])
+        known = np.isfinite(bounds.angles)
+        assert known.mean() > 0.4
+        assert (errors <= bounds.angles)[known].all()
+        assert not bounds.contradicted.any()
+
+
 def test_a_contradiction_of_any_window_counts():
     """A push of 0.1 s is more than the speed allows in 0.1 s; over 3 s the gyro's error allows as much."""
     forces = np.tile(G * UP, (401, 1))

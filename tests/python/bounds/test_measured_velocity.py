@@ -101,13 +101,13 @@ def test_what_happens_between_a_stamp_and_a_row(time_offset):
 
 
 def test_stamps_of_the_accelerometer_that_are_off():
-    """It shows what is 0.05 s later, and the vehicle braked as hard until the samples' time began."""
+    """It shows what is 0.05 s later, all of it, and the vehicle braked as hard until the samples' time began."""
     times, largest, late = 0.01 * np.arange(101), 4.0, 0.05
     forces = np.tile(G * UP + [largest, 0.0, 0.0], (101, 1))
     shown = np.array([[0.0, 0.0, 0.0], [largest * (1.0 - 2.0 * late), 0.0, 0.0]])
     velocity = MeasuredVelocity([0.0, 1.0], shown, 0.0, largest)
     still = GyroBounds(0.0, largest_rate=0.0)
-    assert reached(up_from(times, forces, velocity, gyro=still, time_offset=late), -1) > 0.999
+    assert reached(up_from(times, forces, velocity, gyro=still, time_offset=late, time_offset_change=0.0), -1) > 0.999
 
 
 # --- vehicles ---------------------------------------------------------------------------------------------------------

@@ -1,9 +1,12 @@
 """How far noise by itself turns an attitude away, stated for any window; theory, section 18.4, (18.56) and (18.57)."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.windows import MotionBounds, gravity_bounds_over_windows
+from elliptude.configuration.rules import apply_rule, hand_held
 from inputs import angle_between
 from scipy.spatial.transform import Rotation
 
@@ -153,3 +156,56 @@ def test_a_growth_needs_what_it_is_added_to():
 def test_more_noise_leaves_nothing_of_what_it_adds_up_to():
     gyro = GyroBounds(0.1, increment=0.2, noise_turn=0.3, noise_turn_growth=0.1).with_more_noise(0.05)
     assert gyro == GyroBounds(0.1 + 0.05)
+
+
+# --- for how long it is stated ----------------------------------------------------------------------------------------
+
+
+STATED = [
+    {"increment": 0.02},
+    {"noise_turn": 0.02, "noise_turn_growth": 0.001},
+    {"increment": 0.03, "noise_turn": 0.02},
+]
+
+
+@pytest.mark.parametrize("stated", STATED)
+def test_a_window_that_is_no_longer_than_stated_is_one(stated):
+    gyro = GyroBounds(0.5, scale_error=0.1, longest_window=12.0, **stated)
+    always = dataclasses.replace(gyro, longest_window=np.inf)
+    for span in (0.01, 4.0, 12.0):
+        assert gyro.noise_angle(span, 0.3, span) == always.noise_angle(span, 0.3, span)
+        assert gyro.lasting_noise(span) == always.lasting_noise(span)
+
+
+@pytest.mark.parametrize("stated", STATED)
+def test_a_longer_window_is_several(stated):
+    """Noise that lasts adds up in each; what a window is longer by than stated costs no more than any noise."""
+    gyro = GyroBounds(0.5, longest_window=12.0, **stated)
+    lasting = gyro.lasting_noise(60.0)
+    assert lasting == gyro.lasting_noise(12.0)
+    for span in (12.001, 13.0, 24.0, 60.0, 600.0):
+        assert lasting * span <= gyro.noise_angle(span, 0.0, span) * (1.0 + 1e-12)
+    at_most = gyro.noise_angle(12.0, 0.0, 12.0) + gyro.noise * 0.001
+    assert gyro.noise_angle(12.001, 0.0, 12.001) <= at_most * (1.0 + 1e-4)
+
+
+@pytest.mark.parametrize("stated", STATED)
+def test_turns_from_anchors_further_apart_than_stated(stated):
+    """The gyro shows nothing of a turn that keeps all that is stated of its noise over 2 s, for 20 s."""
+    gyro = GyroBounds(0.05, longest_window=2.0, **stated)
+    times = 0.01 * np.arange(2001)
+    turns = gyro.anchored_turns(times, np.zeros((2001, 3)), 20.0)
+    turned = gyro.lasting_noise(2.0) * times
+    assert (turned <= turns.angles + 1e-12).all()
+    assert turned[-1] >= 0.8 * turns.angles[-1]
+
+
+def test_a_rule_states_it_for_its_longest_window():
+    rule = hand_held()
+    longest = max(rule.motion.windows_s)
+    gyro = rule.gyro_bounds()
+    assert gyro.noise_angle(5.0 * longest, 0.0, 5.0 * longest) >= 5.0 * gyro.increment
+    assert gyro.noise_angle(longest, 0.0, longest) == rule.gyro.bounds().noise_angle(longest, 0.0, longest)
+    times = 0.01 * np.arange(500)
+    found = apply_rule(rule, times, np.zeros((500, 3)), np.tile([0.0, 0.0, 9.807], (500, 1)))
+    assert found.gyro.longest_window == longest

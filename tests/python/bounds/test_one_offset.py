@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.stamps import time_offset_angles, turns_within_offset
+from elliptude.bounds.velocity import MeasuredVelocity
 from elliptude.bounds.windows import MotionBounds, gravity_bounds_over_windows
 from inputs import angle_between
 from scipy.spatial.transform import Rotation, RotationSpline
@@ -15,6 +16,8 @@ STILL = MotionBounds(acceleration=0.0)
 ACROSS = MotionBounds(acceleration=0.0, jerk=0.0)
 """The same where rows have no sample."""
 EXACT = GyroBounds(0.0)
+STEADY = GyroBounds(0.0, angular_acceleration=0.0)
+"""Which bounds the rate beyond the samples, too."""
 
 
 def about(axis, angles):
@@ -158,6 +161,97 @@ def test_what_is_of_second_order_contradicts_nothing():
         found = up_over(times, shown, rate * np.outer(ways, X), 1.0, motion=ACROSS, **stated)
         assert np.isfinite(found.angles[195:205]).sum() == 0
         assert not found.contradicted[[150, 250]].any()
+
+
+# --- offsets that drift: what they leave of the motion's bounds, (18.64) ----------------------------------------------
+
+
+def shaken(accelerations, *, duration=1.0, at="middle", **stated):
+    """Up from accelerations along x at 101 rows within a second, of a body that does not turn."""
+    times, forces = 0.01 * np.arange(101), np.outer(accelerations, X) + G * UP
+    return gravity_bounds_over_windows(
+        times, forces, np.zeros((101, 3)), [duration], gyro=STEADY, gravity=G, at=at, **stated
+    )
+
+
+def assert_edge(found, row, acceleration, share=0.999):
+    """Up is off by all of the acceleration, and by no more than its bound."""
+    error = angle_between(found.directions[row], UP)
+    assert error == pytest.approx(np.arctan(acceleration / G), rel=1e-6)
+    assert error <= found.angles[row] * (1.0 + 1e-9)
+    assert share * found.angles[row] <= error
+
+
+DRIFT = {"time_offset": 0.1, "time_offset_change": 0.2}
+"""From 0.1 s early to 0.1 s late within a window of 1 s, which is 0.8 s of the motion."""
+
+
+def test_a_window_that_drifts_is_a_shorter_one_of_the_speed():
+    """A steady acceleration from one speed to the opposite one, in the time that the window really has."""
+    speed = 1.0
+    found = shaken(np.full(101, 2.0 * speed / 0.8), motion=MotionBounds(velocity=speed), **DRIFT)
+    assert_edge(found, 50, 2.0 * speed / 0.8)
+
+
+@pytest.mark.parametrize("change", [0.2, np.inf])
+def test_a_window_that_drifts_is_a_shorter_one_of_the_place(change):
+    """From one side of the ball to the other and back, in the time that the window really has. None stated: 2 τ."""
+    radius = 0.1
+    stated = DRIFT | {"time_offset_change": change}
+    found = shaken(np.full(101, 16.0 * radius / 0.8**2), motion=MotionBounds(position=radius), **stated)
+    assert_edge(found, 50, 16.0 * radius / 0.8**2)
+
+
+def test_a_window_that_drifts_is_a_shorter_one_of_the_measured_velocity():
+    """The true ends are within the stamps', and between these and those the velocity changes the other way."""
+    steady, largest = 2.0, 3.0
+    change = steady * 0.8 - largest * 0.2
+    velocity = MeasuredVelocity([0.0, 1.0], [[0.0, 0.0, 0.0], [change, 0.0, 0.0]], 0.0, largest)
+    found = shaken(np.full(101, steady), motion=MotionBounds(), velocity=velocity, **DRIFT)
+    assert_edge(found, 50, steady)
+
+
+def test_an_acceleration_changes_by_more_between_stamps_that_drift():
+    """In a gap it rises and falls by its jerk, in a time that is longer than the stamps say."""
+    jerk, gap = 50.0, 0.2
+    unseen = 0.25 * jerk * 1.2 * gap**2
+    shown = np.full(101, -unseen)
+    shown[41:60] = np.nan
+    found = shaken(shown, at="end", motion=MotionBounds(velocity=0.0, jerk=jerk), **DRIFT)
+    assert_edge(found, 100, unseen, share=0.99)
+
+
+@pytest.mark.parametrize("duration", [0.1, 0.2])
+def test_a_window_that_may_be_no_time_at_all(duration):
+    """Then a bound of the acceleration alone says something of its mean, and without one nothing does."""
+    velocity = MeasuredVelocity([0.0, 1.0], np.zeros((2, 3)), 0.0, 1.0)
+    bounds = MotionBounds(velocity=0.0, position=0.0, acceleration=1.5)
+    found = shaken(np.full(101, 1.5), duration=duration, motion=bounds, velocity=velocity, **DRIFT)
+    assert_edge(found, 50, 1.5)
+    nothing = MotionBounds(velocity=0.0, position=0.0)
+    found = shaken(np.full(101, 1.5), duration=duration, motion=nothing, velocity=velocity, **DRIFT)
+    assert (found.angles[1:] == np.pi).all()
+    assert not found.contradicted.any()
+
+
+@pytest.mark.parametrize("at", ["middle", "end"])
+@pytest.mark.parametrize("rate", [-0.02, 0.02])
+def test_offsets_that_drift_while_the_body_shakes(rate, at):
+    """At 5 Hz with 20 m/s²; windows of any length, whose samples are of times that come closer or part."""
+    times = 0.005 * np.arange(801)
+    pace, swing_ = 2.0 * np.pi * 5.0, 20.0
+    offsets = rate * (times - 2.0)
+    forces = np.outer(swing_ * np.sin(pace * (times + offsets)), X) + G * UP
+    motion = MotionBounds(swing_ / pace, swing_ / pace**2, swing_)
+    for duration in (0.3, 1.0, 1.9):
+        found = gravity_bounds_over_windows(
+            times, forces, np.zeros((801, 3)), [duration], motion=motion, gyro=EXACT, gravity=G, at=at,
+            time_offset=0.041, time_offset_change=1.001 * abs(rate) * duration,
+        )  # fmt: skip
+        errors = np.array([angle_between(a, UP) for a in found.directions])
+        assert not found.contradicted.any()
+        # A trapezoidal sum of 40 samples a period is its integral but for a thousandth of the swing.
+        assert (errors <= found.angles + 2e-3)[np.isfinite(found.angles)].all()
 
 
 # --- anything that the bounds allow -----------------------------------------------------------------------------------

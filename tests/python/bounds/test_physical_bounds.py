@@ -53,6 +53,20 @@ def test_small_angles_keep_their_digits():
     assert angle == pytest.approx(1e-9, rel=1e-5)
 
 
+@pytest.mark.parametrize("unit", [1e-300, 1e-160, 1e-5, 1e160, 1e300])
+def test_the_unit_makes_no_difference(unit):
+    """Squares of lengths may be too large or too small for a number where the lengths are not."""
+    lengths, radii, error = np.array([0.9, 1.0, 1.1, 2.0]), np.array([0.15, 1e-5, 0.3, 1e-3]), 0.05
+    angles, excess = angle_to_center(lengths, 1.0, radii, error)
+    scaled, scaled_excess = angle_to_center(unit * lengths, unit, unit * radii, unit * error)
+    np.testing.assert_allclose(scaled, angles, rtol=1e-9)
+    np.testing.assert_allclose(scaled_excess, unit * excess, rtol=1e-9)
+    assert angles[1] >= 1e-5
+    # What is no number in the unit of the magnitude is no direction.
+    assert angle_to_center(1e300, 1e-300, 1.0)[1] > 0.0
+    assert angle_to_center(1e300, 1e-300, 2e300)[0] == np.pi
+
+
 def test_beyond_the_sum_of_the_lengths_nothing_is_known():
     np.testing.assert_array_equal(angle_to_center(2.0, G, [2.0 + G, 30.0, np.inf])[0], np.pi)
     assert angle_to_center(2.0, G, 2.0 + G - 1e-6)[0] < np.pi

@@ -401,6 +401,7 @@ def test_a_rule_is_of_the_earth():
 
 
 def test_a_rule_has_room_for_the_earth_between_anchors():
+    """In a long anchor what is stated of the noise for windows of 2 s adds up: the Earth's turn is in it as before."""
     rule = hand_held().model_dump(mode="json", exclude_none=True)
     rule["gyro"] |= {"noise_deg_per_s": 0.01, "bias_deg_per_s": 0.008, "increment_deg": 0.009}
     rule["motion"]["windows_s"] = [2.0]
@@ -413,13 +414,10 @@ def test_a_rule_has_room_for_the_earth_between_anchors():
     }
     still = np.tile([0.0, 0.0, 9.81], (1000, 1))
     log = Log(0.01 * np.arange(1000), still[:, None, :], still[:, None, :], np.zeros((1000, 3)))
-    for anchor, covers in ((2.0, True), (60.0, False)):
+    for anchor in (2.0, 60.0):
         stated = Configuration.model_validate(tables | {"rule": {"kind": "stated", "anchor_s": anchor} | rule})
-        if covers:
-            direction_rows(log, stated)
-        else:
-            with pytest.raises(ValueError, match=r"leave no room \(0\.00815 over windows of 60 s\)"):
-                direction_rows(log, stated)
+        gyro = direction_rows(log, stated).gyro
+        assert gyro.noise_angle(anchor, 0.0, anchor) >= np.deg2rad(0.0004 * anchor)
 
 
 def test_a_growth_needs_what_it_is_added_to():

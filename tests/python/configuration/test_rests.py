@@ -5,6 +5,8 @@ import pytest
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.rest import mean_over_time
 from elliptude.configuration.rules import after_rest, apply_rule, hand_held, moved_fields
+from elliptude.configuration.rules.at_start import reference_at_rest, up_at_rest
+from scipy.spatial.transform import Rotation
 
 UP = np.array([0.0, 0.0, 9.807])
 FIELD = np.array([0.0, 20.0, -43.0])
@@ -124,3 +126,126 @@ def test_a_delay_of_uneven_rows_keeps_the_samples_own_times():
     assert moved.offset == 0.001
     mean = mean_over_time(moved.sampled[there], moved.values[there])
     assert mean[0] == pytest.approx(0.5 * (moved.sampled[there][0] + moved.sampled[there][-1]), abs=1e-9)
+
+
+# --- a body that turns in the rest, as the bound of the bias allows ---------------------------------------------------
+
+
+SHARP = {
+    "rest": {"least_s": 10.0, "velocity_m_per_s": 0.001, "field_change_ut": 0.0},
+    "accelerometer": {
+        "error_m_per_s2": 0.01,
+        "averaged_error_m_per_s2": 1e-4,
+        "scale_error": 0.0,
+        "time_offset_bound_s": 0.0,
+        "gravity_error_m_per_s2": 0.0,
+    },
+    "magnetometer": {
+        "error_ut": 0.05,
+        "averaged_error_ut": 0.001,
+        "scale_error": 0.0,
+        "delay_s": 0.0,
+        "time_offset_bound_s": 0.0,
+        "disturbance_ut": 0.01,
+    },
+}
+"""Next to no errors, and a rest in which the body may turn by 2.5 degrees."""
+IN_REST = 0.01 * np.arange(1001)
+FURTHEST = np.deg2rad(2.5)
+
+
+def sharp(**changes):
+    return rule_with(**(SHARP | {table: SHARP[table] | numbers for table, numbers in changes.items()}))
+
+
+def turned_in_rest(angles, axis, field=FIELD):
+    """What exact sensors show of a body that is turned by angles (rad)."""
+    attitudes = Rotation.from_rotvec(np.outer(angles, axis)).inv()
+    return attitudes.apply(np.tile(UP, (len(angles), 1))), attitudes.apply(np.zeros((len(angles), 3)) + field)
+
+
+@pytest.mark.parametrize("first", [0, 500, 900])
+@pytest.mark.parametrize("seen", ["field", "up"])
+def test_a_body_that_turns_slowly_in_the_rest(first, seen):
+    """Where one sensor shows something in a part of it alone, that is the part that the other one counts in."""
+    angles = np.append(FURTHEST * 0.096 * IN_REST, np.full(999, FURTHEST * 0.96))
+    forces, fields = turned_in_rest(angles, [1.0, 0.0, 0.0])
+    (fields if seen == "field" else forces)[:first] = np.nan
+    times, rates = 0.01 * np.arange(2000), np.zeros((2000, 3))
+    rates[:1001, 0] = FURTHEST * 0.096
+    if seen == "up":  # without which there is no rest
+        reference, error = reference_at_rest(sharp(), IN_REST, IN_REST, forces[:1001], IN_REST, fields[:1001])
+        assert np.linalg.norm(reference - FIELD) <= error < 0.12
+        return
+    found = apply_rule(sharp(), times, rates, forces, fields)
+    assert off_by(found) <= found.field_reference_error
+    # To first order nothing is lost of 2 µT, by which the body turns.
+    assert found.field_reference_error < 0.12
+    assert not found.field.contradicted.any()
+
+
+def test_means_of_other_instants_differ_by_what_the_body_turns():
+    """The magnetometer is slower, and shows no run of rows: its few samples are of where the body was not for long."""
+    angles = np.where(np.arange(1001) < 100, 0.0, FURTHEST)
+    forces, fields = turned_in_rest(angles, [1.0, 0.0, 0.0])
+    fields[(np.arange(1001) % 2 == 1) | (np.arange(1001) > 100)] = np.nan
+    reference, error = reference_at_rest(sharp(), IN_REST, IN_REST, forces, IN_REST, fields)
+    off = np.linalg.norm(reference - FIELD)
+    assert 0.75 * error <= off <= error
+
+
+@pytest.mark.parametrize("offset", ["accelerometer", "magnetometer"])
+def test_means_of_shifted_times_differ_by_what_the_body_turns(offset):
+    """The true times of one sensor are 1 s later, and so much of its mean is of where the body had not been before."""
+    rule = sharp(**{offset: {"time_offset_bound_s": 1.0}})
+    sign = 1.0 if offset == "magnetometer" else -1.0
+    early, late = (np.where(since < IN_REST, FURTHEST, 0.0) for since in (9.0, 10.0))
+    of_up, of_field = (late, early) if sign > 0.0 else (early, late)
+    forces, fields = turned_in_rest(of_up, [1.0, 0.0, 0.0])[0], turned_in_rest(of_field, [1.0, 0.0, 0.0])[1]
+    reference, error = reference_at_rest(rule, IN_REST, IN_REST, forces, IN_REST, fields)
+    off = np.linalg.norm(reference - FIELD)
+    assert 0.15 * error <= off <= error
+
+
+@pytest.mark.parametrize("axis", [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+def test_the_mean_of_attitudes_is_none(axis):
+    """Half of the rest in one attitude, half in the other: along the axis the mean keeps its length, across it not."""
+    forces, fields = turned_in_rest(np.where(np.arange(1001) < 501, 0.0, FURTHEST), axis)
+    reference, error = reference_at_rest(sharp(), IN_REST, IN_REST, forces, IN_REST, fields)
+    # The mean of two turns that are this far apart is shorter by the cosine of half of that.
+    off = np.linalg.norm(reference - FIELD)
+    assert 0.9 * (1.0 - np.cos(0.5 * FURTHEST)) * 43.0 <= off <= error
+
+
+def test_a_field_that_changes_while_the_body_turns():
+    """It is off its mean one way in one attitude, and the other way in the other."""
+    change = 3.0
+    rule = sharp(rest={"field_change_ut": change}, magnetometer={"disturbance_ut": 5.0})
+    first = np.arange(1000) < 500
+    way = np.where(first, 1.0, -1.0)[:, None] * np.array([0.0, 43.0, 20.0]) / np.hypot(43.0, 20.0)
+    forces, fields = turned_in_rest(np.where(first, 0.0, FURTHEST), [1.0, 0.0, 0.0], FIELD + change * way)
+    times = 0.01 * np.arange(1000) * 1000 / 999
+    reference, error = reference_at_rest(rule, times, times, forces, times, fields)
+    still = reference_at_rest(
+        rule, times, times, forces, times, turned_in_rest(np.where(first, 0.0, FURTHEST), [1.0, 0.0, 0.0])[1]
+    )[0]
+    assert np.linalg.norm(reference - still) >= 0.45 * change * FURTHEST
+    assert np.linalg.norm(reference - FIELD) <= error
+
+
+def test_a_specific_force_is_short_where_the_body_turns():
+    """As short as the cosine of half of the turn makes it, gravity being known: no contradiction."""
+    forces = turned_in_rest(np.where(np.arange(1001) < 501, 0.0, FURTHEST), [1.0, 0.0, 0.0])[0]
+    assert 9.807 - np.linalg.norm(forces.mean(axis=0)) > 5.0 * 3e-4
+    up_at_rest(sharp(), IN_REST, forces, FURTHEST)
+    with pytest.raises(ValueError, match="further from gravity than the rule allows"):
+        up_at_rest(sharp(), IN_REST, forces, 0.0)
+
+
+def test_a_rest_that_its_stamps_make_longer():
+    """The speed goes from one way to the other in the time that is left if stamps drift by the offset either way."""
+    speed, offset = 0.05, 0.4
+    rule = sharp(rest={"velocity_m_per_s": speed}, accelerometer={"time_offset_bound_s": offset})
+    acceleration = 2.0 * speed / (10.0 - 2.0 * offset)
+    found = up_at_rest(rule, IN_REST, np.tile([0.0, acceleration, 9.807], (1001, 1)))
+    assert acceleration / 9.807 <= found.tilt <= 1.02 * acceleration / 9.807 + 1e-4

@@ -403,6 +403,16 @@ def test_summary_without_gaps():
 # --- start from up alone ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("sine", [0.0, 1e-16, 1e-15, 1e-14, 9e-13, 1e-9, 0.5])
+@pytest.mark.parametrize("upright", [-1.0, 1.0])
+def test_the_first_attitude_takes_up_to_the_vertical(sine, upright):
+    """Within what the disc about it has room for, also where up is nearly the vertical or its opposite."""
+    from elliptude.estimation.given.start import _shortest_turn_to_vertical
+
+    up = np.array([0.6 * sine, 0.8 * sine, upright * np.sqrt(1.0 - sine**2)])
+    assert np.linalg.norm(_shortest_turn_to_vertical(up) @ up - [0.0, 0.0, 1.0]) <= 2e-15
+
+
 @pytest.mark.parametrize("angle_deg", [1e-3, 5.0, 10.0, 120.0])
 def test_a_disc_of_attitudes_is_a_set(angle_deg):
     """Its shape was less than flat by rounding for a fifth to a half of all directions."""

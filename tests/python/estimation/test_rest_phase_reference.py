@@ -112,6 +112,22 @@ def test_the_error_is_attained_by_both_sensors_at_once(tmp_path, up, field):
     np.testing.assert_allclose(rows.angles[:, 1] - base.angles[:, 1], error.angle, rtol=0.02)
 
 
+def test_a_rest_is_as_long_as_its_stamps_leave_it(tmp_path):
+    """The body speeds up from one way to the other in it; its stamps may come closer by twice their offset."""
+    speed, offset = 0.5, 0.1
+    acceleration = 2.0 * speed / (2.0 - 2.0 * offset)
+    up = {
+        "bound_from": {"kind": "velocity_window", "windows_s": [1.0], "velocity_m_per_s": speed},
+        "sensor_error": {"error_m_per_s2": 1e-9},
+    }
+    path = recorded(tmp_path, [0.0, acceleration, 0.0], np.zeros(3))
+    exact = {"bound_from": {"kind": "field", "disturbance_ut": 0.0}, "sensor_error": {"error_ut": 1e-9}}
+    log, error = error_of(path, configured(up | {"time_offset_bound_s": offset}, exact))
+    shown = 1e6 * log.references[0, 1]
+    angle = np.arccos(shown @ FIELD / np.linalg.norm(shown) / STRENGTH)
+    assert 0.99 * error.angle <= angle <= error.angle * (1.0 + 1e-9)
+
+
 STATED_EXACT = {"reference_error_deg": 0.0}
 
 

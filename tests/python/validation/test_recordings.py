@@ -299,7 +299,7 @@ WEAKENED = {
         lambda: ruled((UP, FIELD | {"unit": "mG"}), magnetometer={"disturbance_ut": 5.0}),
     ),
     "a rule's reference field": (
-        lambda m: m.setattr(apply, "field_at_rest", _exact(apply.field_at_rest)),
+        lambda m: m.setattr(apply, "reference_at_rest", _exact(apply.reference_at_rest)),
         lambda: ruled(magnetometer={"error_ut": 2.0, "averaged_error_ut": 2.0}),
     ),
 }

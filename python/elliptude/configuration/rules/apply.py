@@ -19,10 +19,11 @@ from elliptude.bounds.windows import (
 )
 from elliptude.configuration.rules.at_start import (
     after_rest,
-    field_at_rest,
     moved_fields,
+    reference_at_rest,
     require_heading,
     rest_at_start,
+    turn_in_rest,
     up_at_rest,
 )
 from elliptude.configuration.rules.tables import Rule
@@ -115,12 +116,13 @@ def apply_rule(
     accelerometer, forces_at = rule.accelerometer, stamps if forces_sampled is None else forces_sampled
     if longest_interval is None:
         longest_interval = longest_interval_of(np.diff(stamps), rule.gyro.longest_interval_s)
-    gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest_interval)
+    gyro = dataclasses.replace(rule.gyro_bounds(), longest_interval=longest_interval)
     rest = rest_at_start(rule.rest, stamps, rates, forces, gyro)
     bias = mean_over_time(stamps[rest], rates[rest])
     rates, gyro = rates - bias, after_rest(gyro, stamps[rest])
     step = min(10.0 * float(np.median(np.diff(stamps))), longest_interval)
-    up_there = up_at_rest(rule, forces_at[rest], forces[rest])
+    in_rest = forces_at[rest], forces[rest]
+    up_at_rest(rule, *in_rest, turn_in_rest(rule, stamps[rest]))  # or it contradicts the rule
 
     def up_within(rows: slice, motion: MotionBounds) -> WindowBounds:
         return gravity_bounds_over_windows(
@@ -149,8 +151,7 @@ def apply_rule(
 
     magnetometer = rule.magnetometer
     moved = moved_fields(magnetometer, stamps, fields, fields_sampled, longest_interval)
-    reference, error = field_at_rest(rule, up_there, moved.sampled[rest], moved.values[rest])
-    strength = float(np.linalg.norm(reference))
+    reference, error = reference_at_rest(rule, stamps[rest], *in_rest, moved.sampled[rest], moved.values[rest])
 
     def field_within(rows: slice, disturbance: float) -> WindowBounds:
         return field_bounds_over_windows(
@@ -160,7 +161,7 @@ def apply_rule(
             [magnetometer.window_s],
             disturbance=disturbance + error,
             gyro=gyro,
-            strength=strength,
+            strength=float(np.linalg.norm(reference)),
             sensor=magnetometer.sensor(),
             time_offset=moved.offset,
             at=rule.motion.row_at,
@@ -175,7 +176,7 @@ def apply_rule(
     field = _known_better(field, rest, field_within(rest, rule.field_change()))
     field = _without_contradictions(field, up, reference, whole=magnetometer.contradiction_voids == "recording")
     east = cross_bounds(up, field, reference, in_plane_error=error)
-    return RuledRecording(rest, bias, gyro, noise, up, field, east, reference / strength, error)
+    return RuledRecording(rest, bias, gyro, noise, up, field, east, reference / np.linalg.norm(reference), error)
 
 
 def _without_contradictions(

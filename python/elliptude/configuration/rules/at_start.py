@@ -4,10 +4,10 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from elliptude.bounds.gyro import GyroBounds, longest_interval_of
-from elliptude.bounds.rest import mean_at_rest, why_no_rest
+from elliptude.bounds.rest import longest_run, mean_at_rest, why_no_rest
 from elliptude.bounds.samples import angle_to_center
 from elliptude.bounds.stamps import shift_by_own_stamps
 from elliptude.configuration.rules.tables import MagnetometerRule, RestRule, Rule
@@ -97,10 +97,27 @@ class UpAtRest(NamedTuple):
     """The mean specific force, m/s², body axes, shape (3,)."""
     tilt: float
     """How far up may be from it, rad."""
+    run: tuple[float, float] | None
+    """When the mean begins and ends, s, by its sensor's stamps; None where it is one of samples, not over time."""
 
 
-def up_at_rest(rule: Rule, times: FloatArray, forces: FloatArray) -> UpAtRest:
-    """What the rest at the start says of up.
+def turn_in_rest(rule: Rule, times: FloatArray) -> float:
+    """How far the body's attitudes in a rest at these times may be from one another, rad, theory.md section 18.5."""
+    return min(rule.gyro_bounds().bias * float(times[-1] - times[0]), np.pi)
+
+
+def up_at_rest(rule: Rule, times: FloatArray, forces: FloatArray, turned: float = 0.0) -> UpAtRest:
+    """What the rest at the start says of up, in body axes of a moment of it.
+
+    Parameters
+    ----------
+    rule : Rule
+    times : (N,) array
+        The accelerometer's, s.
+    forces : (N, 3) array
+        m/s²; NaN where it shows nothing.
+    turned : float
+        How far attitudes in the rest may be from one another, rad.
 
     Raises
     ------
@@ -108,40 +125,103 @@ def up_at_rest(rule: Rule, times: FloatArray, forces: FloatArray) -> UpAtRest:
         If its length contradicts the rule.
     """
     accelerometer = rule.accelerometer
+    gravity, gravity_error = accelerometer.gravity_m_per_s2, accelerometer.gravity_error_m_per_s2
     force, force_error, lasted = mean_at_rest(times, forces, accelerometer.sensor())
     k = accelerometer.scale_error
     length = float(np.linalg.norm(force))
     radius = force_error + k * (length + accelerometer.error_m_per_s2) / (1.0 - k)
-    radius += 2.0 * rule.rest.velocity_m_per_s / lasted if lasted > 0.0 else np.inf
-    tilt, excess = angle_to_center(length, accelerometer.gravity_m_per_s2, radius, accelerometer.gravity_error_m_per_s2)
+    # Its stamps may come closer or part within the offset's bound, (18.64); the axes turn while it moves.
+    lasted_truly = lasted - 2.0 * accelerometer.time_offset_bound_s
+    radius += (2.0 + turned) * rule.rest.velocity_m_per_s / lasted_truly if lasted_truly > 0.0 else np.inf
+    radius += _versine(turned) * (gravity + gravity_error)
+    tilt, excess = angle_to_center(length, gravity, radius, gravity_error)
     if excess > 0.0:
         raise ValueError(
             f"at rest the specific force is {length:.4g} m/s^2, "
             f"{excess:.2g} m/s^2 further from gravity than the rule allows"
         )
-    return UpAtRest(force, float(tilt))
+    return UpAtRest(force, float(tilt), _run(times, forces))
 
 
-def field_at_rest(rule: Rule, up: UpAtRest, fields_at: FloatArray, fields: FloatArray) -> tuple[FloatArray, float]:
-    """The reference field (0, horizontal, vertical), µT, and how far it may be off, theory.md (18.11).
+def field_at_rest(
+    rule: Rule, up: UpAtRest, fields_at: FloatArray, fields: FloatArray, turned: float = 0.0
+) -> tuple[FloatArray, float]:
+    """The reference field (0, horizontal, vertical), µT, and how far it may be off, theory.md (18.11) and (18.65).
 
-    Each sensor's mean is over the times of its own samples.
+    Each sensor's mean is over the times of its own samples. `turned` is that of `up_at_rest`.
     """
     magnetometer = rule.magnetometer
     assert magnetometer is not None
-    force, tilt = up
     field, error, _ = mean_at_rest(fields_at, fields, magnetometer.sensor())
     if not np.isfinite(field).all():
         raise ValueError(
             "the magnetometer shows nothing in the rest at the start; does its delay, magnetometer.delay_s = "
             f"{magnetometer.delay_s:g}, move it out of there?"
         )
-    length = float(np.linalg.norm(force))
-    vertical = float(field @ force) / length
-    horizontal = float(np.linalg.norm(field - vertical * force / length))
+    length = float(np.linalg.norm(up.force))
+    vertical = float(field @ up.force) / length
+    horizontal = float(np.linalg.norm(field - vertical * up.force / length))
     strength, k = float(np.linalg.norm(field)), magnetometer.scale_error
-    error += 2.0 * strength * np.sin(0.5 * tilt) + k * (strength + magnetometer.error_ut) / (1.0 - k)
+    chord = 2.0 * float(np.sin(0.5 * turned))
+    error += k * (strength + magnetometer.error_ut) / (1.0 - k) + chord * rule.field_change()
+    # What turning in the rest leaves of the true field's mean beside that of up, as a share of the field.
+    slack = 2.0 * max(magnetometer.time_offset_bound_s, rule.accelerometer.time_offset_bound_s)
+    share = _versine(turned) + chord * _apart(up.run, _run(fields_at, fields), slack)
+    error = (error + share * strength) / (1.0 - share) if share < 1.0 else np.inf
+    error += 2.0 * strength * np.sin(0.5 * up.tilt)
     return np.array([0.0, horizontal, vertical]), float(error)
+
+
+def reference_at_rest(
+    rule: Rule,
+    times: FloatArray,
+    forces_at: FloatArray,
+    forces: FloatArray,
+    fields_at: FloatArray,
+    fields: FloatArray,
+) -> tuple[FloatArray, float]:
+    """`field_at_rest` of a rest at these times, from all that each sensor shows, or from what both do.
+
+    What the body turns by is in both means alike if they are over the same time; over a longer one each is better.
+    """
+    turned = turn_in_rest(rule, times)
+    found = [field_at_rest(rule, up_at_rest(rule, forces_at, forces, turned), fields_at, fields, turned)]
+    of_forces, of_fields = _there(forces), _there(fields)
+    both = of_forces & of_fields
+    if both.any() and not np.array_equal(both, of_forces | of_fields):
+        forces, fields = (np.where(both[:, None], vectors, np.nan) for vectors in (forces, fields))
+        found.append(field_at_rest(rule, up_at_rest(rule, forces_at, forces, turned), fields_at, fields, turned))
+    return min(found, key=lambda one: one[1])
+
+
+def _there(vectors: FloatArray) -> NDArray[np.bool_]:
+    """Rows in which a sensor shows something."""
+    return np.asarray(np.isfinite(vectors).all(axis=1))
+
+
+def _versine(turned: float) -> float:
+    """How far a mean of attitudes this far apart is from a rotation at most."""
+    return 2.0 * float(np.sin(0.5 * min(turned, np.pi))) ** 2
+
+
+def _run(times: FloatArray, vectors: FloatArray) -> tuple[float, float] | None:
+    """When the mean of `mean_at_rest` begins and ends, s; None where it is not over time."""
+    run = times[longest_run(times, _there(vectors))]
+    return (float(run[0]), float(run[-1])) if len(run) > 1 and run[-1] > run[0] else None
+
+
+def _apart(one: tuple[float, float] | None, other: tuple[float, float] | None, slack: float) -> float:
+    """The share of a mean over time that is of other instants than another one; 1 if either is not over time.
+
+    `slack` is how far the ends of what they have in common may be off together, s.
+    """
+    if one is None or other is None:
+        return 1.0
+    common = min(one[1], other[1]) - max(one[0], other[0])
+    longest = max(one[1] - one[0], other[1] - other[0])
+    if one == other and slack == 0.0:
+        return 0.0
+    return min(1.0 - (common - slack) / (longest + slack), 1.0)
 
 
 def require_heading(reference: FloatArray, error: float) -> None:
@@ -173,11 +253,12 @@ def field_at_start(
     """
     assert rule.magnetometer is not None
     longest = longest_interval_of(np.diff(times), rule.gyro.longest_interval_s)
-    gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest)
+    gyro = dataclasses.replace(rule.gyro_bounds(), longest_interval=longest)
     rest = rest_at_start(rule.rest, times, angular_velocities, specific_forces, gyro)
     moved = moved_fields(rule.magnetometer, times, fields, fields_sampled, longest)
     forces_at = times if forces_sampled is None else forces_sampled
-    up = up_at_rest(rule, forces_at[rest], specific_forces[rest])
-    reference, _ = field_at_rest(rule, up, moved.sampled[rest], moved.values[rest])
+    reference, _ = reference_at_rest(
+        rule, times[rest], forces_at[rest], specific_forces[rest], moved.sampled[rest], moved.values[rest]
+    )
     direction: FloatArray = reference / np.linalg.norm(reference)
     return direction

@@ -1,5 +1,6 @@
 """A rule as TOML: what is known about a kind of recording, and what its numbers are in SI units."""
 
+import dataclasses
 from typing import Annotated, Literal, Self, TypeAlias
 
 import numpy as np
@@ -104,7 +105,8 @@ class AccelerometerRule(Model):
     averaged_over_s: Size = AVERAGED_OVER_S
     scale_error: Fraction
     time_offset_bound_s: Size
-    # How far the offsets of two samples of a window differ at most. Any that the bound allows if it is not stated.
+    # How far the offset drifts within a window at most, steadily; what differs from sample to sample beside that is
+    # jitter, and part of the averaged error. As far as the bound allows, either way, if it is not stated.
     time_offset_change_s: Size | None = None
 
     @property
@@ -122,7 +124,7 @@ class MotionRule(Model):
 
     velocity_m_per_s: Size
     position_m: Size
-    # The mean acceleration over any of the windows, and over shorter ones at the ends of a recording.
+    # How large the linear acceleration is at most, at any time: no mean.
     acceleration_m_per_s2: PositiveSize | None = None
     # How fast the acceleration changes at most, but for a part no larger than a sample's error: for lost samples.
     largest_jerk_m_per_s3: PositiveSize | None = None
@@ -188,11 +190,14 @@ class Rule(Model):
         self.require_earth_rate()
         return self
 
-    def require_earth_rate(self, anchor_s: float | None = None) -> None:
-        """Refuse bounds that the Earth's turn alone breaks; `anchor_s` is how long predictions are, 0 if left out."""
-        windows = [*self.motion.windows_s, *([] if self.magnetometer is None else [self.magnetometer.window_s])]
-        longest = max(*windows, anchor_s or 0.0)
-        require_earth_rate(self.gyro.earth_rate, self.gyro.bounds(), longest, place="gyro", since_rest=True)
+    def gyro_bounds(self) -> GyroBounds:
+        """Bounds of the gyro, in SI units: what its noise adds up to is stated for windows up to the longest one."""
+        return dataclasses.replace(self.gyro.bounds(), longest_window=max(self.motion.windows_s))
+
+    def require_earth_rate(self) -> None:
+        """Refuse bounds that the Earth's turn alone breaks; in a longer anchor what noise may do adds up."""
+        longest = max(self.motion.windows_s)
+        require_earth_rate(self.gyro.earth_rate, self.gyro_bounds(), longest, place="gyro", since_rest=True)
 
     def motion_in_rest(self) -> MotionBounds:
         """Bounds of the motion in the rest at the start, in SI units."""

@@ -61,7 +61,7 @@ def _shortest_turn_to_vertical(up: FloatArray) -> FloatArray:
     """The attitude (3, 3) that takes a unit vector in body axes to the third reference axis."""
     axis = np.cross(up, [0.0, 0.0, 1.0])
     sine = float(np.linalg.norm(axis))
-    if sine < 1e-12:
+    if sine < 1e-15:  # of which the attitude may be off, as by rounding
         return np.eye(3) if up[2] > 0.0 else np.diag([1.0, -1.0, -1.0])
     turn = scipy.spatial.transform.Rotation.from_rotvec(np.arctan2(sine, up[2]) / sine * axis)
     return np.asarray(turn.as_matrix(), dtype=np.float64)

@@ -27,7 +27,7 @@ from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magneto
 from elliptude.configuration.statements import AccelerationBound, FieldBound, VelocityWindowBound, WorldModel
 from elliptude.logs.axes import sensor_axes
 from elliptude.logs.axes.sensor_axes import ROTATIONS, AngleMisfit, VectorStatement
-from elliptude.logs.axes.stated import Stated
+from elliptude.logs.axes.stated import Stated, over
 from elliptude.logs.body_at_rest import axis_in_words, resting, up_in_log
 from elliptude.logs.log import Log
 from elliptude.typing import FloatArray
@@ -145,7 +145,7 @@ def _wider_rule(rule: Rule) -> Rule:
 
 def _gyro(log: Log, rates: FloatArray, configuration: Configuration, rule: Rule) -> tuple[FloatArray, GyroBounds]:
     """The rates without their bias, and their error bounds."""
-    flow, usual = configuration.flow, rule.gyro.bounds()
+    flow, usual = configuration.flow, rule.gyro_bounds()
     if not isinstance(flow, GyroFlow):
         assert configuration.rate is not None
         radius = float(np.sqrt(np.linalg.eigvalsh(configuration.rate.bound())[-1]))
@@ -189,9 +189,11 @@ def _statement(sensor: Accelerometer | Magnetometer, rule: Rule, offset: float) 
 
         acceleration = bound.acceleration_m_per_s2 if isinstance(bound, AccelerationBound) else 0.0
 
+        stamped = max(offset, usual.time_offset_bound_s)
+        of_motion = over(motion, stamped)
+
         def mean_acceleration(half_length: float) -> float:
-            half = np.array([half_length])
-            return max(float(motion.mean_acceleration_triangular(half, half)[0]), acceleration)
+            return max(of_motion(half_length), acceleration)
 
         return VectorStatement(
             offset=mean_acceleration,
@@ -199,7 +201,7 @@ def _statement(sensor: Accelerometer | Magnetometer, rule: Rule, offset: float) 
             averaged_error=max(averaged, usual.averaged_error_m_per_s2),
             averaged_over=max(sensor.sensor_error.averaged_over_s, usual.averaged_over_s),
             scale_error=_scale(sensor.sensor_error.scale_error, sensor, usual.scale_error),
-            time_offset=max(offset, usual.time_offset_bound_s),
+            time_offset=stamped,
             length=sensor.gravity_m_per_s2,
             length_error=gravity_error,
         )

@@ -433,6 +433,8 @@ class _Windows:
             return np.maximum(distance, 0.0)
 
         lengths = earlier[:, _LENGTH] + later[:, _LENGTH]
+        # Sums on the line between two samples say no less than those at one of them, which is up to a step further.
+        longest = longest + float(np.diff(frame.times).max(initial=0.0))
         noise = frame.gyro.noise_angle(between(_TIME, None), between(_TURNED, frame.turned), longest, lengths)
         return between(_STEADY, frame.steady) + noise
 

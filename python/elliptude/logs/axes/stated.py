@@ -164,7 +164,7 @@ class Stated:
         flow, windows = self._configuration.flow, [0.0]
         assert isinstance(flow, GyroFlow)
         if (rule := self._configuration.rule) is not None:
-            windows += [*rule.rule().motion.windows_s, rule.anchor_s or 0.0]
+            windows += rule.rule().motion.windows_s
         else:
             windows.append(flow.anchor_s or 0.0)
         for sensor in self._configuration.directions:
@@ -196,7 +196,7 @@ class Stated:
         rows = log.gyro_rows
         forces = log.directions[rows, configuration.directions.index(accelerometer)]
         longest = longest_interval_of(np.diff(log.times[rows]), rule.gyro.longest_interval_s)
-        gyro = replace(rule.gyro.bounds(), longest_interval=longest)
+        gyro = replace(rule.gyro_bounds(), longest_interval=longest)
         rest = rest_at_start(rule.rest, log.times[rows], log.rates[rows], forces, gyro)
         stamps = log.times[rows][rest]
         return mean_over_time(stamps, log.rates[rows][rest]), after_rest(gyro, stamps)
@@ -215,13 +215,13 @@ class Stated:
             own, gravity_error = rule.accelerometer.sensor(), rule.accelerometer.gravity_error_m_per_s2
             gravity = rule.accelerometer.gravity_m_per_s2
             offset += rule.accelerometer.time_offset_bound_s
-            mean_acceleration = _over(rule.motion.bounds())
+            mean_acceleration = over(rule.motion.bounds(), offset)
         else:
             assert isinstance(bound, AccelerationBound | VelocityWindowBound)
             own, gravity_error = configuration.sensor_bounds(sensor), bound.gravity_error_m_per_s2
             gravity = sensor.gravity_m_per_s2
             if isinstance(bound, VelocityWindowBound):
-                mean_acceleration = _over(_motion(bound))
+                mean_acceleration = over(_motion(bound), offset)
             else:
                 largest = bound.acceleration_m_per_s2
                 mean_acceleration = lambda _: largest  # noqa: E731
@@ -261,9 +261,12 @@ class Stated:
         )
 
 
-def _over(motion: MotionBounds) -> Callable[[float], float]:
+def over(motion: MotionBounds, offset: float) -> Callable[[float], float]:
+    """The bound of the mean acceleration over windows of half-lengths, s, by stamps that may be off by an offset."""
+
     def mean_acceleration(half_length: float) -> float:
-        half = np.array([half_length])
+        # Within a window that may drift from early to late, (18.64).
+        half = np.array([max(half_length - offset, 0.0)])
         return float(motion.mean_acceleration_triangular(half, half)[0])
 
     return mean_acceleration

@@ -195,13 +195,10 @@ class Stated:
         return self._gyro
 
     def _stated_gyro(self) -> StatedGyro:
-        flow, anchor = self.flow, None
+        flow = self.flow
         assert isinstance(flow, GyroFlow)
         if self.rule is not None:
-            assert self.configuration.rule is not None
-            anchor = self.configuration.rule.anchor_s
-            of_field = [] if self.rule.magnetometer is None else [self.rule.magnetometer.window_s]
-            over = max(*self.rule.motion.windows_s, *of_field, anchor or 0.0)
+            over = max(self.rule.motion.windows_s)
             interval = self.rule.gyro.longest_interval_s
             bounds, correction = self._calibrated_gyro(self.rule)
             return StatedGyro(bounds, np.zeros(3), False, 0.0, False, interval, over, correction)
