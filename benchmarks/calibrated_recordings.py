@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 from elliptude import estimation, logs
-from elliptude.calibration.calibrate import FoundGyro, calibrate
+from elliptude.calibration.calibrate import calibrate
+from elliptude.calibration.found import FoundGyro
 from elliptude.configuration import Configuration
 from elliptude.configuration.calibration import Calibration, read_statements
 from elliptude.configuration.estimator import StatedRule
@@ -37,7 +38,7 @@ def calibration_of(folder: Path, trial: str, disturbance_ut: float) -> Calibrati
         if isinstance(one, FoundGyro):
             continue
         offset = " ".join(f"{value:.2f}" for value in one.left.offset)
-        off = f"off by {one.left.offset_error:.3g} {one.unit}, {one.stated.offset:g} stated"
+        off = f"off by {one.left.offset_distance:.3g} {one.unit}, {one.stated.offset:g} stated"
         print(f"  {one.sensor.name}: offset {offset}, {off}")
     return Calibration(recording=path.name, recording_sha256="", sensors=tuple(one.calibration() for one in found))
 

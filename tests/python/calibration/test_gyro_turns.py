@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.calibration.gyro import Turn, gyro_set
+from elliptude.calibration.gyro import Turn, _slabs, gyro_set
 from elliptude.calibration.vector_sensors import ContradictionError
 from scipy.spatial.transform import Rotation
 
@@ -71,6 +71,12 @@ def test_exact_measurements_leave_next_to_nothing():
     assert found.scale_error < 2e-4
     left = np.linalg.norm(found.matrix @ (np.eye(3) + scale) - np.eye(3), 2)
     assert left <= found.scale_error
+
+
+def test_a_turn_bounds_what_it_shows_along_lines_that_differ():
+    (turn,) = recorded(8, GOOD, np.zeros((3, 3)), count=1)
+    rows, _ = _slabs(turn, GOOD, np.inf, np.zeros((3, 3)), 0.02)
+    assert len(np.unique(rows.round(9), axis=0)) == len(rows) == 16
 
 
 def test_few_or_coarse_turns_leave_what_is_stated():
