@@ -20,7 +20,7 @@ from elliptude.configuration.estimator import StatedRule
 from real_recordings import broad_configuration
 
 TRIALS = ("02", "05", "24", "07")
-DISTURBANCES_UT = (5.0, 0.5, 0.3)
+DISTURBANCES_UT = (5.0, 0.5, 0.265)
 
 
 def calibration_of(folder: Path, trial: str, disturbance_ut: float) -> Calibration:
