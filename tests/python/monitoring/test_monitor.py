@@ -227,6 +227,7 @@ def test_the_error_of_any_filter_on_a_simulated_log_is_within_its_bound():
             assert (actual[rows, 2] <= found.bounds[rows, 2] + 1e-7).all()
             assert (actual[rows, 2] >= found.least[rows, 2] - 1e-7).all()
     assert found.alarms.proved[rows, 1].all()
+    assert not monitor(replace(log, are_proposals=True), estimate, up=UP).alarms.proved.any()
     good = monitor(log, true, up=UP)
     assert not good.alarms.proved.any()
     gone = monitor(log, Rotation.from_rotvec(drift) * true, up=UP).alarms.proved.any(axis=1)
