@@ -12,14 +12,15 @@ from typing import Any
 
 import numpy as np
 from elliptude import estimation, logs
-from elliptude.calibration.calibrate import FoundGyro, calibrate
+from elliptude.calibration.calibrate import calibrate
+from elliptude.calibration.found import FoundGyro
 from elliptude.configuration import Configuration
 from elliptude.configuration.calibration import Calibration, read_statements
 from elliptude.configuration.estimator import StatedRule
 from real_recordings import broad_configuration
 
 TRIALS = ("02", "05", "24", "07")
-DISTURBANCES_UT = (5.0, 0.5, 0.3)
+DISTURBANCES_UT = (5.0, 0.5, 0.265)
 
 
 def calibration_of(folder: Path, trial: str, disturbance_ut: float) -> Calibration:
@@ -37,7 +38,7 @@ def calibration_of(folder: Path, trial: str, disturbance_ut: float) -> Calibrati
         if isinstance(one, FoundGyro):
             continue
         offset = " ".join(f"{value:.2f}" for value in one.left.offset)
-        off = f"off by {one.left.offset_error:.3g} {one.unit}, {one.stated.offset:g} stated"
+        off = f"off by {one.left.offset_distance:.3g} {one.unit}, {one.stated.offset:g} stated"
         print(f"  {one.sensor.name}: offset {offset}, {off}")
     return Calibration(recording=path.name, recording_sha256="", sensors=tuple(one.calibration() for one in found))
 

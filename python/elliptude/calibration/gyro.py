@@ -22,7 +22,7 @@ _PASSES = 4
 _HARDLY_SMALLER = 0.98
 _ROUNDING = 1e-10
 _AROUND = 8
-"""Directions across gravity in which a turn's error is bounded."""
+"""Lines across gravity along which a turn's error is bounded, to either side."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +164,7 @@ def _slabs(
     bound += 64.0 * float(np.finfo(np.float64).eps) * (len(turn.times) + turned)
     difference = attitudes[-1] @ turn.up_after - turn.up_before
     across = np.linalg.svd(turn.up_before[None])[2][1:]
-    angles = np.arange(_AROUND) * 2.0 * np.pi / _AROUND
+    angles = np.arange(_AROUND) * np.pi / _AROUND
     rows, limits = [], []
     for e in np.cos(angles)[:, None] * across[0] + np.sin(angles)[:, None] * across[1]:
         # e · (D × up) = (up × e) · D

@@ -83,7 +83,8 @@ def pose_of(
     errors = running_sum(steps, gyro.steady_error(speeds, times - bias_known))
     steady = np.abs(_from(middle, errors + from_the_first(coning_angles(steps, rates))))
     duration = np.abs(times - times[middle])
-    # By the gyro, (18.9); by the sensor's axes, (19.3); by the stamps, (18.8). All of it counts to second order only.
+    # By the gyro, (18.9); by the sensor's axes, (19.3); by the stamps, (18.8). Of the world's vector it counts to
+    # second order only, of what is not that, a disturbance and noise, to first order.
     off = steady + gyro.noise / (1.0 - gyro.scale_error) * duration
     off += axes_error * turned + turned_by_offset + 64.0 * _EPSILON * (len(times) + turned)
     return Pose(

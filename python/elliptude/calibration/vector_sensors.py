@@ -39,7 +39,10 @@ class SensorStatements:
     noise: float
     """Bound of ‖e‖ for each sample."""
     averaged_noise: float
-    """Bound of ‖e‖ averaged, turned into a common frame, over ``averaged_over`` (s) or more."""
+    """Bound of ‖e‖ averaged over ``averaged_over`` (s) or more, turned into a common frame by the true attitudes.
+
+    What a sum over samples differs by from the integral belongs to it, section 19.2.
+    """
     least: float
     """The world's vector is at least this long; its length does not change in the recording."""
     greatest: float
@@ -79,7 +82,9 @@ class SensorSet:
     matrix: FloatArray
     """P̂, to be multiplied with, symmetric, shape (3, 3); the identity where that is as good."""
     offset_error: float
-    """Bound of ‖P̂(b - b̂)‖."""
+    """Bound of ‖P̂(b - b̂)‖, what is left of the offset in a corrected sample, (19.11)."""
+    offset_distance: float
+    """Bound of ‖b - b̂‖, how far the offset itself is from what is subtracted, (19.8)."""
     scale_error: float
     """Bound of ‖K‖, the sensor's turn against the body's axes included."""
     stretch: float
@@ -172,7 +177,18 @@ def proposal(poses: Sequence[Pose], stated: SensorStatements) -> FloatArray:
 
 def _as_stated(stated: SensorStatements, spare: float, poses: int) -> SensorSet:
     box = np.full(3, stated.offset)
-    return SensorSet(np.zeros(3), np.eye(3), stated.offset, stated.scale_error, 0.0, -box, box, spare, poses)
+    return SensorSet(
+        offset=np.zeros(3),
+        matrix=np.eye(3),
+        offset_error=stated.offset,
+        offset_distance=stated.offset,
+        scale_error=stated.scale_error,
+        stretch=0.0,
+        lowest=-box,
+        highest=box,
+        spare=spare,
+        poses=poses,
+    )
 
 
 def _prior(stated: SensorStatements) -> ParameterSet:
@@ -233,7 +249,9 @@ def _slabs(
         along[3:9] = [products[p, q] + (products[q, p] if p != q else 0.0) for p, q in _SYMMETRIC]
         at_identity = float(np.trace(products))
         error = pose.mean_disturbance + stated.disturbance * pose.turn + stated.mean_noise(pose.end - pose.begin)
-        error += kappa * stated.noise + _SUM_ROUNDING * (pose.length + stated.offset + stated.greatest)
+        # What averages out where the body truly is does not in a frame that is off, nor where the scale is.
+        error += stated.noise * (pose.turn + kappa)
+        error += _SUM_ROUNDING * (pose.length + stated.offset + stated.greatest)
         strength = np.zeros(PARAMETERS)
         strength[9] = 1.0
         rows.append(along - strength)
@@ -264,8 +282,9 @@ def _corrected(
     k = stated.scale_error
     reach = max(float(offset_supports(found, directions, offset).max()), 0.0) / cosine
     stretch = float(np.abs(np.linalg.eigvalsh(matrix - np.eye(3))).max()) * (1.0 + 1e-12)
+    distance = (1.0 + k) * reach
     if stretch == 0.0:
-        scale, error = k, (1.0 + k) * reach
+        scale, error = k, distance
     else:
         left = (1.0 + k) * stretch_error(found, matrix)
         scale, error = left + stated.axes_error, (1.0 + left) * reach
@@ -276,6 +295,7 @@ def _corrected(
         offset=offset,
         matrix=matrix,
         offset_error=error,
+        offset_distance=distance,
         scale_error=scale,
         stretch=stretch,
         lowest=np.maximum(offset - sides[3:], known.lowest),

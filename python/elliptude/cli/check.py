@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from elliptude.calibration import calibrate as calibrating
-from elliptude.calibration.calibrate import Found, FoundGyro, counted
+from elliptude.calibration.found import Found, FoundGyro, counted
 from elliptude.cli.options import LOG_HELP, Force, Repair, quantity, with_repair
 from elliptude.cli.outputs import CONFIGURATION, print_table, require_outputs
 from elliptude.cli.progress import steps

@@ -268,7 +268,7 @@ def _estimate_pieces(
         pieces = _counted(pieces, progress, task)
     summary, thinned, measured = Summary(), Thinned(), Measured(configuration)
     try:
-        with writing_columns(out / table, "results", heard.notes) as write:
+        with writing_columns(out / table, "results", heard.notes, configuration.proposed_from) as write:
             for result in estimator.run(_measured(pieces, measured)):
                 progress.update(task, advance=0 if at_once else len(result.times), description="Estimating")
                 # It takes a third of a second, while the core works on the next piece.

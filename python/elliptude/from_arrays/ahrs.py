@@ -3,6 +3,7 @@
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -96,7 +97,7 @@ def ahrs(
         ups=_known(result.ups),
         up_bounds=_known(result.up_bounds),
         up_claims=columns["up_claim"],
-        sets=run.sets,
+        sets=replace(run.sets, are_proposals=configuration.proposed_from is not None),
         statements=str(statements),
         are_proposals=configuration.proposed_from is not None,
         heading="from the first row" if run.starts_heading else "not known" if only_up else "from magnetic east",

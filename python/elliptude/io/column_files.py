@@ -4,6 +4,7 @@ A table has one row for each time and one named column for each number; an empty
 measured, and NaN in the arrays here. NaN and infinity as text are refused, because their meaning is not clear.
 """
 
+import json
 import math
 import os
 import re
@@ -30,6 +31,7 @@ VERSION = 1
 
 Kind: TypeAlias = Literal["measurements", "results", "dropped", "measured", "monitor"]
 _ORIGIN = re.compile(r"time_s counts from (-?\d+) s")
+_PROPOSED = re.compile(r"; bounds_from_recording = (.*)$")
 Column: TypeAlias = FloatArray | Sequence[str]
 
 
@@ -67,9 +69,13 @@ class Writing(Protocol):
         """Write rows of these columns, whose times count from ``origin``."""
 
 
-def label_of(kind: Kind, origin: int = 0) -> str:
-    """What a table says of itself: its kind and version, and the second that ``time_s`` counts from if it is not 0."""
-    return f"elliptude {kind} {VERSION}" + (f"; {counts_from(origin)}" if origin else "")
+def label_of(kind: Kind, origin: int = 0, proposed_from: str | None = None) -> str:
+    """What a table says of itself: its kind and version, the second that ``time_s`` counts from if it is not 0.
+
+    And the recording that the bounds behind it are proposals from, if they are.
+    """
+    proposed = "" if proposed_from is None else f"; bounds_from_recording = {json.dumps(proposed_from)}"
+    return f"elliptude {kind} {VERSION}" + (f"; {counts_from(origin)}" if origin else "") + proposed
 
 
 def counts_from(origin: int) -> str:
@@ -78,7 +84,9 @@ def counts_from(origin: int) -> str:
 
 
 @contextmanager
-def writing_columns(path: str | os.PathLike[str], kind: Kind, notes: Sequence[str] = ()) -> Iterator[Writing]:
+def writing_columns(
+    path: str | os.PathLike[str], kind: Kind, notes: Sequence[str] = (), proposed_from: str | None = None
+) -> Iterator[Writing]:
     """Write a table piece by piece, in whole or not at all: see `write_columns`.
 
     A piece is written in the background, one at a time, while the next one is being made.
@@ -90,6 +98,8 @@ def writing_columns(path: str | os.PathLike[str], kind: Kind, notes: Sequence[st
     notes : sequence of str
         What whoever reads the table must know, as it is when the first rows are given: comments in CSV, in Parquet the
         metadata's ``elliptude notes``.
+    proposed_from : str, optional
+        The recording that the bounds behind the table are proposals from.
 
     Yields
     ------
@@ -134,7 +144,7 @@ def writing_columns(path: str | os.PathLike[str], kind: Kind, notes: Sequence[st
                 pending.pop().result()
             elif not said:
                 said.extend(notes)
-            pending.append(pool.submit(write_piece, columns, label_of(kind, origin)))
+            pending.append(pool.submit(write_piece, columns, label_of(kind, origin, proposed_from)))
 
         yield write
         if pending:
@@ -186,6 +196,30 @@ def time_origin(path: str | os.PathLike[str]) -> int:
         As `column_names`.
     """
     return origin_of(_open(path))
+
+
+def proposed_from(path: str | os.PathLike[str]) -> str | None:
+    """The recording that the bounds behind a table are proposals from; None if it does not say so.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    str or None
+
+    Raises
+    ------
+    FileError
+        As `column_names`.
+    """
+    if (match := _PROPOSED.search(_open(path).label)) is None:
+        return None
+    try:
+        return str(json.loads(match[1]))
+    except ValueError:  # edited since
+        return match[1]
 
 
 def comments_in(path: str | os.PathLike[str]) -> list[str]:
@@ -345,7 +379,7 @@ def _open(path: str | os.PathLike[str], kind: Kind | None = None) -> Table:
     if not Path(path).is_file():
         raise FileError(f"{path}: {'not a regular file' if Path(path).exists() else 'no such file'}")
     source: Table = ParquetTable(path) if Path(path).suffix == ".parquet" else CsvTable(path)
-    if match := re.fullmatch(rf"elliptude (\w+) (\d+)(?:; {_ORIGIN.pattern})?", source.label):
+    if match := re.fullmatch(r"elliptude (\w+) (\d+)(?:; .*)?", source.label):
         if int(match[2]) > VERSION:
             raise FileError(f"{path}: version {match[2]} of the format; this elliptude reads up to version {VERSION}")
         if kind is not None and match[1] != kind:

@@ -106,10 +106,15 @@ def in_words_of_origin(origin: int) -> str:
 
 def has_sample_at(reference: Reference, times: FloatArray) -> NDArray[np.bool_]:
     """Whether the reference has a sample at each time, neither interpolated nor near to it alone, shape (N,)."""
+    return np.asarray(to_nearest_sample(reference, times) <= _EQUAL_TIME)
+
+
+def to_nearest_sample(reference: Reference, times: FloatArray) -> FloatArray:
+    """How far the nearest sample of the reference is from each time, s, shape (N,)."""
     known = reference.times
     after = np.clip(np.searchsorted(known, times), 0, len(known) - 1)
-    nearest = np.minimum(np.abs(known[after] - times), np.abs(known[np.maximum(after - 1, 0)] - times))
-    return np.asarray(nearest <= _EQUAL_TIME)
+    before = np.maximum(after - 1, 0)
+    return np.asarray(np.minimum(np.abs(known[after] - times), np.abs(known[before] - times)))
 
 
 def attitudes_at(

@@ -21,6 +21,7 @@ QUESTIONS = ("total", "tilt", "heading")
 """What is judged: the whole attitude, the up direction, the turn about up."""
 
 _UNCONDITIONAL, _NONE = CLAIMS.index("unconditional"), CLAIMS.index("none")
+_CONDITIONAL = np.uint8(CLAIMS.index("conditional"))
 # How far a quaternion may be from length 1.
 _LENGTH_TOLERANCE = 0.01
 # Rows that are worked out at once: what is computed then stays near the processor.
@@ -45,6 +46,8 @@ class Sets:
     """How far tilt and heading of the centers may be off, which says more than the sets; arrays of shape (n,)."""
     vertical: FloatArray | None = None
     """The vertical in reference axes that tilt and heading refer to, shape (3,)."""
+    are_proposals: bool = False
+    """Whether the bounds behind them are only what a recording showed: then every claim is conditional at most."""
 
     @cached_property
     def principal(self) -> tuple[FloatArray, FloatArray]:
@@ -67,7 +70,7 @@ class Sets:
         quaternions = np.full((len(log.times), 4), np.nan)
         known = np.isfinite(log.attitudes[:, 0, 0])
         quaternions[known] = quaternion_from_rotation(log.attitudes[known])
-        sets = cls(log.times, quaternions, log.shapes[:, :3, :3], log.claims)
+        sets = cls(log.times, quaternions, log.shapes[:, :3, :3], log.claims, are_proposals=log.are_proposals)
         if vertical is None:
             return sets
         if log.attitude_bounds is None:
@@ -194,7 +197,8 @@ def monitor(
     Parameters
     ----------
     sets : Sets or GuaranteedLog
-        What `elliptude.GuaranteedFilter.run` returned, or other sets.
+        What `elliptude.GuaranteedFilter.run` returned, or other sets. If their bounds are proposals
+        (``are_proposals``), nothing is a proof, caps included.
     attitudes : (n, 3, 3) array_like, SciPy's ``Rotation`` or (n, 4) array_like
         The attitudes to judge, at the times of the rows, from the same body to the same reference axes; as quaternions
         (qw, qx, qy, qz). NaN where there is none.
@@ -257,6 +261,8 @@ def monitor(
     if heading == "free":
         bounds[:, [0, 2]] = least[:, [0, 2]] = headings[:] = np.nan
         claims[:, [0, 2]] = _NONE
+    if sets.are_proposals:
+        claims = np.maximum(claims, _CONDITIONAL)
     return Monitored(sets.times, known, bounds, least, claims, headings, questions, limits)
 
 

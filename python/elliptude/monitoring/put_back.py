@@ -17,6 +17,8 @@ _FLAT = 1e-30
 def put_back(sets: Sets, attitudes: AttitudeLike) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Move attitudes outside their unconditional set onto its boundary, towards the center: theory, section 18.10.
 
+    Sets whose bounds are proposals prove nothing of an attitude, and move none.
+
     Parameters
     ----------
     sets : Sets
@@ -34,7 +36,8 @@ def put_back(sets: Sets, attitudes: AttitudeLike) -> tuple[FloatArray, NDArray[n
     quaternions = as_quaternions("attitudes", attitudes, count)
     centers = as_quaternions("sets.quaternions", sets.quaternions, count)
     moved = np.zeros(count, dtype=np.bool_)
-    rows = np.flatnonzero(np.isfinite(quaternions[:, 0]) & np.isfinite(centers[:, 0]) & (sets.claims == _UNCONDITIONAL))
+    proved = (sets.claims == _UNCONDITIONAL) & (not sets.are_proposals)
+    rows = np.flatnonzero(np.isfinite(quaternions[:, 0]) & np.isfinite(centers[:, 0]) & proved)
     offsets = product(centers[rows] * [1.0, -1.0, -1.0, -1.0], quaternions[rows])
     scalars, vectors = offsets[:, 0], offsets[:, 1:]
     # γ = 2v/w is inside if w is at least this long; a half turn, w = 0, never is.

@@ -11,13 +11,21 @@ from numpy.typing import NDArray
 from elliptude.configuration.references import from_enu
 from elliptude.io.column_files import Column
 from elliptude.io.tables import Result
-from elliptude.logs.reference_attitudes import Reference, attitudes_at, has_sample_at, in_words_of_origin
+from elliptude.logs.reference_attitudes import (
+    Reference,
+    attitudes_at,
+    has_sample_at,
+    in_words_of_origin,
+    to_nearest_sample,
+)
 from elliptude.monitoring import Limits, Monitored, Sets, UpCaps, monitor, widened
 from elliptude.monitoring.monitor import QUESTIONS, Heading
 from elliptude.report.run import Run
 from elliptude.results import CLAIMS, AttitudeBounds
 from elliptude.typing import FloatArray
 
+# rad/s, 16,000 revolutions a second: nothing that carries sensors turns faster.
+_FASTEST = 1e5
 # The vertical of ENU, NWU and NED, up or down.
 _VERTICAL = (0.0, 0.0, 1.0)
 GroundFrame: TypeAlias = Literal["ENU", "NED", "NWU"]
@@ -98,12 +106,11 @@ def judge(
         If the run is of a mode without guarantee, no row has an attitude to judge, or nothing would be judged.
     """
     found = _as_seen(run, estimate, has_vertical=has_vertical, heading=heading, limits=limits, largest_gap=largest_gap)
+    # A stamp some digits beside that of the row may be another moment: what the body turns until then proves nothing.
+    proved = widened(found, _FASTEST * to_nearest_sample(estimate, run.times)).least
     # What is interpolated is not the filter's word: it can be off, but it proves nothing against the filter.
-    least = np.where(has_sample_at(estimate, run.times)[:, None], found.least, np.minimum(found.least, 0.0))
-    if run.bounds_from_recording is None:
-        return replace(found, least=least)
-    # Proposals are no guarantee.
-    return replace(found, least=least, claims=np.maximum(found.claims, _CLAIM_INDEX["conditional"]).astype(np.uint8))
+    least = np.where(has_sample_at(estimate, run.times)[:, None], proved, np.minimum(found.least, 0.0))
+    return replace(found, least=least)
 
 
 def _as_seen(
@@ -122,7 +129,8 @@ def _as_seen(
     quaternions = np.full((len(run.times), 4), np.nan)
     quaternions[rows] = attitudes.as_quat(scalar_first=True)
     claims = np.array([_CLAIM_INDEX[word] for word in run.claims], dtype=np.uint8)
-    sets = Sets(run.times, run.quaternions, run.shapes, claims)
+    are_proposals = run.bounds_from_recording is not None
+    sets = Sets(run.times, run.quaternions, run.shapes, claims, are_proposals=are_proposals)
     if has_vertical and run.tilt_bounds is not None and run.headings is not None and run.ups is not None:
         upward = _upward(run.ups, _verticals(run))
         bounds = AttitudeBounds(run.tilt_bounds, run.headings[:, 0], run.headings[:, 1], np.full(len(claims), np.pi))

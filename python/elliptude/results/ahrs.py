@@ -55,7 +55,7 @@ class AhrsResult:
     statements: str
     """What the bounds of the sensors' errors come from, as it was given."""
     are_proposals: bool
-    """Whether they are only what the recording showed: then nothing is guaranteed."""
+    """Whether they are only what the recording showed: then nothing is guaranteed, whatever the claims say."""
     heading: str
     """What yaw counts from: "from magnetic east", or "from the first row" without a magnetometer; or "not known"."""
     dropped: Mapping[str, int]

@@ -139,6 +139,8 @@ class GuaranteedLog:
     """How far the constraints are from having no common point, NaN where nothing was measured, shape (n,)."""
     question_bounds: FloatArray | None = None
     """Bounds of tilt, heading from and to, and angle, rad, if a vertical was given, NaN without a set, shape (n, 4)."""
+    are_proposals: bool = False
+    """Whether the bounds behind them are only what a recording showed: then no set proves anything."""
 
     def __repr__(self) -> str:
         """One line: rows and claims."""

@@ -174,7 +174,7 @@ def _largest(vectors: FloatArray) -> FloatArray:
 def _with_slip(shapes: FloatArray, centers: FloatArray, sizes: FloatArray) -> FloatArray:
     """Shapes about centers that are off by rounding: an attitude by some ε, numbers of these sizes by ε of them."""
     k = shapes.shape[-1]
-    # By (17.8) a turn moves γ by as much as it turns, and more where γ is large.
+    # By section 17.8 a turn moves γ by as much as it turns, and more where γ is large.
     reach = 1.0 + np.trace(shapes[:, :3, :3], axis1=1, axis2=2) + np.sum(centers[:, :3] ** 2, axis=1)
     slips = 64.0 * _EPSILON * np.where(np.arange(k) < 3, reach[:, None], sizes[:, None])
     return _with_box(shapes, slips)

@@ -1,9 +1,11 @@
 """Sets of a gyro's scale and axes from turns between rests: the true ones are in them, and what is left holds."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.calibration.gyro import Turn, gyro_set
+from elliptude.calibration.gyro import Turn, _slabs, gyro_set
 from elliptude.calibration.vector_sensors import ContradictionError
 from scipy.spatial.transform import Rotation
 
@@ -71,6 +73,31 @@ def test_exact_measurements_leave_next_to_nothing():
     assert found.scale_error < 2e-4
     left = np.linalg.norm(found.matrix @ (np.eye(3) + scale) - np.eye(3), 2)
     assert left <= found.scale_error
+
+
+@pytest.mark.parametrize("scale", [0.0, -0.3])
+def test_an_axis_that_goes_round_between_samples_is_in_the_bound(scale):
+    """500 degrees a second, four times round in a second, 50 samples a second, between which rates are on lines.
+
+    About the true scale nothing is off but the turns that are calculated from the means of the steps, (18.49).
+    """
+    times, speed, around = 0.02 * np.arange(101), np.deg2rad(500.0), 8.0 * np.pi
+    rates = speed * np.column_stack([np.cos(around * times), np.sin(around * times), np.zeros(101)])
+    true = Rotation.identity()
+    for before, after in pairwise(rates / (1.0 + scale)):
+        for share in (np.arange(40) + 0.5) / 40:
+            true = true * Rotation.from_rotvec(((1.0 - share) * before + share * after) * 0.02 / 40)
+    inverse = scale / (1.0 + scale) * np.eye(3)
+    for up in np.eye(3):
+        turn = Turn(times, rates, up, true.inv().apply(up), 0.0, 0.0, 0.0)
+        rows, limits = _slabs(turn, GyroBounds(noise=0.0, scale_error=0.31), np.inf, inverse, 0.0)
+        assert (rows @ inverse.ravel() <= limits).all()
+
+
+def test_a_turn_bounds_what_it_shows_along_lines_that_differ():
+    (turn,) = recorded(8, GOOD, np.zeros((3, 3)), count=1)
+    rows, _ = _slabs(turn, GOOD, np.inf, np.zeros((3, 3)), 0.02)
+    assert len(np.unique(rows.round(9), axis=0)) == len(rows) == 16
 
 
 def test_few_or_coarse_turns_leave_what_is_stated():

@@ -1,5 +1,7 @@
 """Sets of a vector sensor's parameters: the true ones are in them, and what is said to be left is never exceeded."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from elliptude.bounds.gyro import GyroBounds
@@ -103,6 +105,7 @@ def test_what_is_left_is_never_exceeded(case, seed):
     # The polar factor of the sensor: what the set is of.
     left = np.linalg.norm(found.matrix @ (recorded.offset - found.offset))
     assert left <= found.offset_error
+    assert np.linalg.norm(recorded.offset - found.offset) <= found.offset_distance
 
 
 def test_the_bound_of_the_offset_is_attained_within_a_factor_of_two():
@@ -116,6 +119,19 @@ def test_the_bound_of_the_offset_is_attained_within_a_factor_of_two():
         shares.append(np.linalg.norm(found.offset) / found.offset_error)
     assert max(shares) <= 1.0
     assert max(shares) >= 0.5
+
+
+@pytest.mark.parametrize("scale_error", [0.3, 0.45])
+def test_the_true_offset_is_as_near_as_is_said(scale_error):
+    """What is left in a corrected sample is shorter than the offset itself is off, where the sensor shows too much."""
+    rng = np.random.default_rng(16)
+    vectors = np.array([unit(rng) for _ in range(60)])
+    shown = 50.0 * np.concatenate([vectors, -vectors]) + np.array([0.4999, 0.0, 0.0])  # turns with the body
+    changes = {"offset": 3.0, "scale_error": scale_error, "disturbance": 0.5, "misalignment": 0.0}
+    poses = still((1.0 + scale_error) * shown, GyroBounds(noise=0.0), disturbance=0.5)
+    found = sensor_set(poses, SensorStatements(**(NOTHING | changes)))
+    assert np.linalg.norm(found.matrix @ found.offset) <= found.offset_error
+    assert found.offset_error < np.linalg.norm(found.offset) <= found.offset_distance < changes["offset"]
 
 
 def test_a_wrong_sign_of_the_correction_would_be_seen():
@@ -142,6 +158,7 @@ def test_what_is_not_shown_stays_as_stated():
     still = sensor_set(recorded.poses()[:1], said)
     assert not still.is_correction
     assert still.offset_error == said.offset
+    assert still.offset_distance == said.offset
     assert still.scale_error == said.scale_error
     np.testing.assert_array_equal(still.highest, said.offset)
     nothing = sensor_set([], said)
@@ -309,6 +326,32 @@ def test_a_disturbance_that_averages_out_does_not_in_a_frame_that_is_off():
     sensor_set(poses(0.0801), SensorStatements(**(NOTHING | {"disturbance": 10.0})))
     with pytest.raises(ContradictionError):
         sensor_set(poses(0.07), SensorStatements(**(NOTHING | {"disturbance": 10.0})))
+
+
+def test_noise_that_averages_out_does_not_in_a_frame_that_is_off():
+    """A body at rest, and a gyro that is off by its bias: the noise has no mean where it is, but one in that frame."""
+    times = np.linspace(0.0, 10.0, 1001)
+    bias, strength, noise = np.deg2rad(0.25), 9.807, 0.4
+    gyro = GyroBounds(noise=0.0, bias=bias)
+    found = []
+    for up in np.concatenate([np.eye(3), -np.eye(3)]):
+        axis = np.roll(np.abs(up), 1)
+        errors = -noise * np.sign(times - 5.0)[:, None] * np.cross(axis, up)
+        assert np.linalg.norm(errors.mean(axis=0)) < 1e-12
+        rates = np.tile(bias * axis, (1001, 1))
+        found += poses_of(
+            [slice(0, 1001)], times, strength * up + errors, rates, np.zeros(1001), gyro, 0.0, lambda _: 0.0
+        )
+    said = SensorStatements(
+        offset=0.2, scale_error=1e-4, noise=noise, averaged_noise=1e-6, least=strength, greatest=strength,
+        disturbance=0.0, averaged_over=10.0,
+    )  # fmt: skip
+    left = sensor_set(found, said)
+    assert np.all(left.lowest <= 0.0)
+    assert np.all(left.highest >= 0.0)
+    # As much as the turns, 0.6 degrees in the mean, make of it: with half of that nothing agrees.
+    with pytest.raises(ContradictionError):
+        sensor_set(found, replace(said, noise=0.5 * noise))
 
 
 def test_the_gyro_drifts_from_where_its_bias_was_known():

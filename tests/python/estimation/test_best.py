@@ -229,6 +229,12 @@ def test_what_leaves_the_set_is_put_back_and_counted(monkeypatch):
     assert (forms <= 1.0).all()
     assert found.result.best_put_back.sum() == 25
     assert estimation.summarize(found, configured())["best"]["put_back"] == 25
+    # Proposals do not prove that it is none of the truth.
+    kept = estimation.estimate(log, configured(bounds_from_recording="log.npz"))
+    assert not kept.best.put_back.any()
+    np.testing.assert_allclose(np.abs(np.einsum("ni,ni->n", kept.best.quaternions, away)), 1.0, atol=1e-12)
+    # Its bounds are of the same claims as the sets in the table.
+    np.testing.assert_array_equal(kept.best.errors.claims, found.best.errors.claims)
 
 
 @pytest.mark.parametrize("asked", [None, "center"])

@@ -374,6 +374,8 @@ def test_proposed_bounds_are_no_guarantee(tmp_path):
     assert " % have a set that holds if the proposed bounds do" in words(done)
     assert "no guarantee" in words(done)
     assert "unconditional" not in words(done)
+    # The table says it by itself, too.
+    assert (tmp_path / "out" / "results.csv").read_text().startswith("# elliptude results 1; bounds_from_recording = ")
     text = page.read_text(encoding="utf-8")
     assert " % have a set that holds if the proposed bounds do" in text
     assert "no guarantee" in text

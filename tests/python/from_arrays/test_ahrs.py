@@ -11,6 +11,7 @@ import tomlkit
 from elliptude import cli
 from elliptude.configuration.rules import rule_for
 from elliptude.io.tables import Result
+from elliptude.monitoring import monitor
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
@@ -104,6 +105,9 @@ def test_the_numbers_are_those_of_the_commands(tmp_path, recording, statements, 
             assert [word or None for word in found.columns[name]] == [word or None for word in column], name
     assert (found.claims != "none").mean() > 0.9
     assert found.are_proposals == (statements != "hand")
+    # What another filter is judged by knows it, too.
+    judged = monitor(found.sets, found.attitudes @ el.exp([2.5, 0.0, 0.0]))
+    assert (judged.alarms.proved.any(), judged.alarms.conditional.any()) == (statements == "hand", statements != "hand")
     assert found.heading == ("from magnetic east" if with_field else "from the first row")
 
 

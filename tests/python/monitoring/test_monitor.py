@@ -1,6 +1,7 @@
 """Another filter's attitudes judged row by row: claims, caps, limits, alarms; and on a simulated log with its truth."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import elliptude as el
@@ -45,6 +46,20 @@ def test_claims_go_with_the_numbers(three):
     assert figures["tilt"]["wrong_if_condition_holds"] == 1
     assert figures["tilt"]["without_bound"] == 1
     assert figures["tilt"]["largest_least_deg"] == pytest.approx(np.rad2deg(0.3), abs=1e-4)
+
+
+def test_sets_by_proposals_prove_nothing(three):
+    centers, sets = three
+    off = Rotation.from_rotvec([0.5, 0.0, 0.0]) * centers
+    caps = UpCaps(centers.inv().apply(UP), np.full(3, 0.01), np.zeros(3, dtype=np.uint8))
+    stated = monitor(sets, off, up=UP, caps=caps, limits=Limits(tilt=1.0))
+    found = monitor(replace(sets, are_proposals=True), off, up=UP, caps=caps, limits=Limits(tilt=1.0))
+    np.testing.assert_array_equal(found.bounds, stated.bounds)
+    np.testing.assert_array_equal(found.least, stated.least)
+    assert stated.alarms.proved[:, 1].all()
+    assert not found.alarms.proved.any()
+    assert found.claims.tolist() == [[1, 1, 1], [1, 1, 1], [2, 1, 2]]
+    assert found.alarms.over_limit[:, 1].all()
 
 
 def test_a_limit_is_kept_only_by_an_unconditional_bound(three):
@@ -212,6 +227,7 @@ def test_the_error_of_any_filter_on_a_simulated_log_is_within_its_bound():
             assert (actual[rows, 2] <= found.bounds[rows, 2] + 1e-7).all()
             assert (actual[rows, 2] >= found.least[rows, 2] - 1e-7).all()
     assert found.alarms.proved[rows, 1].all()
+    assert not monitor(replace(log, are_proposals=True), estimate, up=UP).alarms.proved.any()
     good = monitor(log, true, up=UP)
     assert not good.alarms.proved.any()
     gone = monitor(log, Rotation.from_rotvec(drift) * true, up=UP).alarms.proved.any(axis=1)

@@ -1,5 +1,7 @@
 """Attitudes that a set excludes are moved onto its boundary, and no others."""
 
+from dataclasses import replace
+
 import numpy as np
 from elliptude.monitoring import Sets, monitor, put_back
 from scipy.spatial.transform import Rotation
@@ -68,3 +70,6 @@ def test_only_an_unconditional_set_moves_anything():
     assert np.isnan(found[3]).all()
     # What was moved is not proved wrong.
     assert not monitor(sets, found).alarms.proved.any()
+    found, moved = put_back(replace(sets, are_proposals=True), off)
+    assert not moved.any()
+    np.testing.assert_allclose(found, off, atol=1e-15)

@@ -262,6 +262,41 @@ def test_proposals_prove_nothing(result):
         assert found.alarms.conditional[:380].any(axis=1).all() == (proposed is not None)
 
 
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+@pytest.mark.parametrize("origin", [0, 1_700_000_000])
+def test_a_table_of_proposals_says_so_alone(tmp_path, result, suffix, origin):
+    """Far from the summary that was beside it."""
+    table, times, centers = result
+    columns = tables.Result.read(table).columns()
+    alone, name = tmp_path / f"alone.{suffix}", 'the "first"; run\n.npz'
+    with column_files.writing_columns(alone, "results", proposed_from=name) as write:
+        write(columns, origin)
+    assert column_files.column_names(alone, "results") == tuple(columns)
+    assert column_files.time_origin(alone) == origin
+    read = read_run(alone)[0]
+    assert read.bounds_from_recording == name
+    wrong = monitored.Reference(times, Rotation.from_rotvec([np.deg2rad(60.0), 0.0, 0.0]) * centers)
+    found = monitored.judge(read, wrong, has_vertical=True, heading="same", limits=Limits())
+    assert not found.alarms.proved.any()
+    assert found.alarms.conditional[:380].any(axis=1).all()
+    estimate = write_estimate(tmp_path / "estimate.csv", times + origin, wrong.attitudes)
+    done = run(alone, "--estimate", estimate)
+    assert "no alarm is a proof" in words(done)
+    assert "taken as stated" not in words(done)
+    assert json.loads(run(alone, "--estimate", estimate, "--json").stdout)["bounds_of_sets"] == "proposals"
+
+
+def test_a_table_that_says_nothing_is_taken_as_stated_and_that_is_said(tmp_path, result):
+    table, times, centers = result
+    estimate = write_estimate(tmp_path / "estimate.csv", times, centers)
+    said = "neither the table nor a summary.json beside it says that its bounds are proposals: taken as stated"
+    assert said in words(run(table, "--estimate", estimate))
+    assert json.loads(run(table, "--estimate", estimate, "--json").stdout)["bounds_of_sets"] == "not known"
+    (table.parent / "summary.json").write_text("{}")
+    assert said not in words(run(table, "--estimate", estimate))
+    assert json.loads(run(table, "--estimate", estimate, "--json").stdout)["bounds_of_sets"] == "stated"
+
+
 def test_what_is_refused(tmp_path, result):
     table, times, centers = result
     estimate = write_estimate(tmp_path / "estimate.csv", times, centers)
@@ -438,6 +473,32 @@ def test_a_proof_needs_a_sample_at_the_very_time(later, same):
     assert (has_sample_at(reference, times) == same).all()
     rows, _ = attitudes_at(reference, times, np.arange(100), 0.0)
     assert len(rows) == 100
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+@pytest.mark.parametrize("later", [1.9e-9, -1.9e-9])
+@pytest.mark.parametrize("speed", [5.0, 35.0, 5e4])
+def test_an_estimate_that_is_right_at_its_own_stamp_is_not_proved_wrong(result, axis, later, speed):
+    """In nanoseconds a body turns by more than what rounding is granted: the truth was on the set's boundary."""
+    read = read_run(result[0])[0]
+    n, half = 5, 1e-3
+    turned = np.zeros(3)
+    turned[axis] = 1.0
+    shapes = np.tile((2.0 * np.tan(0.5 * half)) ** 2 * (1.0 + 1e-12) * np.eye(3), (n, 1, 1))
+    still = dataclasses.replace(
+        read, times=np.arange(n) * 1.0, quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)), shapes=shapes,
+        claims=("unconditional",) * n, tilt_bounds=None,
+    )  # fmt: skip
+
+    def judged(more):
+        at = Rotation.from_rotvec(np.tile((half + more) * turned, (n, 1)))
+        estimate = Reference(still.times + later, at)
+        assert has_sample_at(estimate, still.times).all()
+        return monitored.judge(still, estimate, has_vertical=True, heading="same", limits=Limits())
+
+    assert not judged(speed * abs(later)).alarms.proved.any()
+    # No more is granted than the fastest body turns.
+    assert judged(1.01e5 * abs(later)).alarms.proved[:, 0].all()
 
 
 def test_seconds_since_1970_are_the_same_or_prove_nothing():

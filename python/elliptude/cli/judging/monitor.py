@@ -132,6 +132,7 @@ def monitor(
             "time_origin_s": run.origin,
             "turn_within_offset_deg": _largest_deg(run.clock_turns),
             "bounds_from_recording": run.bounds_from_recording,
+            "bounds_of_sets": _bounds_of_sets(run, source, configuration),
             "heading_of_sets": _heading_of_sets(run, source, configuration),
             "estimate_misread": misread,
             "rows_that_may_prove": monitored.rows_that_may_prove(run, attitudes, found),
@@ -203,13 +204,23 @@ def _largest_deg(angles: FloatArray | None) -> float | None:
     return None if angles is None else float(np.rad2deg(angles.max()))
 
 
+def _bounds_of_sets(run: Run, log: NamedFile, configuration: Configuration | None) -> str:
+    """Whether the bounds behind the sets are stated; a table alone may have lost the line that says they are not."""
+    if run.bounds_from_recording is not None:
+        return "proposals"
+    return "stated" if configuration is not None or _summary_beside(log).is_file() else "not known"
+
+
 def _heading_of_sets(run: Run, log: NamedFile, configuration: Configuration | None) -> str:
     """From where the sets' heading counts; of a table alone that is not known."""
     if run.heading_from_start:
         return "from the first row"
+    return "as referenced" if configuration is not None or _summary_beside(log).is_file() else "not stated"
+
+
+def _summary_beside(log: NamedFile) -> Path:
     place = Path(log)
-    summary = (place if place.is_dir() else place.parent) / SUMMARY
-    return "as referenced" if configuration is not None or summary.is_file() else "not stated"
+    return (place if place.is_dir() else place.parent) / SUMMARY
 
 
 def _frame_of_sets(stated: GroundFrame | None, configuration: Configuration | None) -> GroundFrame | None:
@@ -249,6 +260,11 @@ def _say_monitored(summary: dict[str, Any]) -> None:
         typer.echo(
             f"  the bounds are proposals from {summary['bounds_from_recording']}, so that no alarm is a proof: once "
             "there is a reason for each bound, delete bounds_from_recording in the configuration"
+        )
+    if summary["bounds_of_sets"] == "not known":
+        typer.secho(
+            f"  neither the table nor a {SUMMARY} beside it says that its bounds are proposals: taken as stated",
+            fg=typer.colors.YELLOW,
         )
     if (turned := summary["turn_within_offset_deg"]) is not None:
         typer.echo(

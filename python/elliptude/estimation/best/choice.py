@@ -5,7 +5,7 @@ magnetometer are all that is measured, VQF is a better one, a filter that is kep
 other sensors where it is asked for, a Kalman filter is. Neither has an influence on the sets.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -38,7 +38,7 @@ class Best:
     is_estimated: NDArray[np.bool_]
     """Whether it is that of VQF or of the Kalman filter; else it is the center of the set, shape (N,)."""
     put_back: NDArray[np.bool_]
-    """Whether it was outside an unconditional set, and was moved onto its boundary, shape (N,)."""
+    """Whether it was outside an unconditional set by stated bounds, and was moved onto its boundary, shape (N,)."""
     errors: Monitored
     """Bounds of its errors: total, tilt, heading; with claims."""
     why_center: str | None = None
@@ -77,7 +77,8 @@ def best_estimate(run: GuaranteedRun, configuration: Configuration) -> Best | No
     else:
         found = quaternions_from_attitudes(kalman_attitudes(run, configuration))
     is_estimated = np.isfinite(found[:, 0])
-    quaternions, moved = put_back(sets, np.where(is_estimated[:, None], found, sets.quaternions))
+    stated = replace(sets, are_proposals=configuration.proposed_from is not None)
+    quaternions, moved = put_back(stated, np.where(is_estimated[:, None], found, sets.quaternions))
     # The sign is the one that the center has in the table.
     quaternions = np.where(quaternions[:, :1] < 0.0, -quaternions, quaternions)
     if estimator == "kalman" and not is_estimated.any():
@@ -122,8 +123,7 @@ def sets_of(run: GuaranteedRun) -> tuple[Sets, UpCaps | None, FloatArray | None]
         return sets, None, None
     # The tilt of the center is known by both, the sets and the vertical.
     bounds = AttitudeBounds(vertical.tilt_bounds, of_center.heading_from, of_center.heading_to, of_center.angle)
-    sets = Sets(sets.times, sets.quaternions, sets.shapes, sets.claims, bounds, up)
-    return sets, UpCaps(vertical.directions, vertical.angles, vertical.claims), up
+    return replace(sets, bounds=bounds, vertical=up), UpCaps(vertical.directions, vertical.angles, vertical.claims), up
 
 
 def summarize(best: Best | None) -> dict[str, Any] | None:

@@ -24,7 +24,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
-from elliptude.io.column_files import column_names, read_columns, read_events, stacked, symmetric, time_origin
+from elliptude.io.column_files import (
+    column_names,
+    proposed_from,
+    read_columns,
+    read_events,
+    stacked,
+    symmetric,
+    time_origin,
+)
 from elliptude.io.files import FileError, system_fault
 from elliptude.io.tables import (
     ATTITUDE_ERRORS,
@@ -136,7 +144,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         smoothing=summary.smoothing,
         implausible=summary.implausible,
         suspicious=summary.suspicious,
-        bounds_from_recording=summary.bounds_from_recording,
+        bounds_from_recording=summary.bounds_from_recording or proposed_from(table),
         up_at_rest=summary.up_at_rest,
         best=summary.best,
         frame=summary.frame,
