@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.bounds.gyro import GyroBounds, longest_interval_of
+from elliptude.bounds.gyro import GyroBounds, longest_interval_of, usual_longest, with_rounding
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.estimation.sizes_in_words import LARGEST_ANGLE
@@ -36,7 +36,7 @@ def longest_interval(log: Log, configuration: Configuration) -> float:
         stated = configuration.rule.rule().gyro.longest_interval_s
     elif isinstance(configuration.flow, GyroFlow):
         stated = configuration.flow.longest_interval_s
-    return longest_interval_of(np.diff(_samples(log)), stated)
+    return longest_interval_of(_samples(log), stated)
 
 
 def _samples(log: Log) -> FloatArray:
@@ -174,8 +174,9 @@ class Bridged:
         self._last = samples[-1:]
         intervals = np.diff(samples)
         if self._longest is None and len(intervals):
-            self._longest = longest_interval_of(intervals, None)
-        for at in np.flatnonzero(intervals > (np.inf if self._longest is None else self._longest)):
+            self._longest = usual_longest(intervals)
+        longest = np.inf if self._longest is None else with_rounding(self._longest, samples)
+        for at in np.flatnonzero(intervals > longest):
             self._count, self._total = self._count + 1, self._total + float(intervals[at])
             self._longest_gap = max(self._longest_gap, (float(intervals[at]), float(samples[at])))
 
@@ -207,7 +208,8 @@ def summarize(gaps: tuple[Gap, ...], gyro: GyroBounds | None) -> dict[str, Any]:
     worst = sorted(gaps, key=lambda gap: (-gap.rows_without_set, -gap.duration))
     listed = sorted(worst[:MOST_LISTED], key=lambda gap: gap.time)
     summary: dict[str, Any] = {
-        "longest_interval_s": None if gyro is None else finite(gyro.longest_interval),
+        # Nine digits are without what is for rounding.
+        "longest_interval_s": None if gyro is None else finite(float(f"{gyro.longest_interval:.9g}")),
         "largest_rate_deg_per_s": None if gyro is None else degrees(gyro.largest_rate),
         "largest_angular_acceleration_deg_per_s2": None if gyro is None else degrees(gyro.angular_acceleration),
         "count": len(gaps),

@@ -113,7 +113,7 @@ def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Propo
         resting = rest_rows(times, rates, forces, **limits)
         no_rest = None if resting.any() else why_no_rest(times, rates, forces, **limits)
         # Whether the body rests across a gap is not known.
-        gaps = np.diff(times) > longest_interval_of(np.diff(times), None)
+        gaps = np.diff(times) > longest_interval_of(times, None)
         ends = _what_ends_the_rest(recording, resting, gaps, limits)
         resting[:-1] &= ~gaps
     # A constant bias says nothing about the delay.

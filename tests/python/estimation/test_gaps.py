@@ -265,12 +265,50 @@ def test_rates_filled_in_between_samples_are_of_a_bias_that_has_drifted_since():
 # --- the bounds -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("unit", ["s", "ms", "us"])
+@pytest.mark.parametrize("since", [0, 1_700_000_000])
+def test_an_interval_as_long_as_the_longest_is_no_gap(unit, since):
+    """Stamps as a file has them; their differences are rounded."""
+    to_seconds = {"s": lambda us: us / 1e6, "ms": lambda us: (us // 1000) * 1e-3, "us": lambda us: us * 1e-6}[unit]
+    times = to_seconds(since * 10**6 + np.cumsum([4000, *([10_000] * 40 + [15_000]) * 20]))
+    steps = np.diff(times)
+    assert (steps > 0.015).any()
+    gyro = GyroBounds(0.1, longest_interval=longest_interval_of(times, 0.015))
+    assert not gyro.gaps(times, np.zeros((len(times), 3))).any()
+    # As the core sees them: one prediction after the other.
+    assert (steps <= gyro.longest_interval).all()
+    # A sample that is late by what a clock can say is a gap.
+    late = times.copy()
+    late[-1] += max(1e-7, 8.0 * np.spacing(times[-1]))
+    assert gyro.gaps(late, np.zeros((len(times), 3))).sum() == 1
+    # Without a statement, too, and if most steps are that long.
+    unstated = GyroBounds(0.1, longest_interval=longest_interval_of(times, None))
+    assert not unstated.gaps(times, np.zeros((len(times), 3))).any()
+    even = to_seconds(since * 10**6 + 15_000 * np.arange(100))
+    assert longest_interval_of(even, 0.015) >= np.diff(even).max()
+
+
+def test_estimate_counts_no_gap_for_intervals_of_the_longest_length(tmp_path):
+    log = gyro_log()
+    step = float(np.median(np.diff(log.times)))
+    thinned = np.ones(len(log.times), dtype=bool)
+    thinned[3::7] = False
+    arrays = ("times", "directions", "references", "rates", "true_attitudes")
+    log = dataclasses.replace(log, **{name: getattr(log, name)[thinned] for name in arrays})
+    longest = round(2.0 * step, 9)
+    assert (np.diff(log.times) > longest).any()
+    flow = {"noise_deg_per_s": 1.0, "longest_interval_s": longest}
+    estimated = estimation.estimate(log, configured(flow))
+    assert estimation.summarize(estimated, configured(flow))["gaps"]["count"] == 0
+    assert estimation.summarize(estimated, configured(flow))["gaps"]["longest_interval_s"] == longest
+
+
 def test_the_longest_interval():
-    steps = np.array([0.01] * 9 + [0.3])
-    assert longest_interval_of(steps, None) == pytest.approx(0.015)
-    assert longest_interval_of(steps, 0.2) == 0.2
+    times = np.cumsum([0.0] + [0.01] * 9 + [0.3])
+    assert longest_interval_of(times, None) == pytest.approx(0.015)
+    assert longest_interval_of(times, 0.2) == pytest.approx(0.2)
     with pytest.raises(ValueError, match=r"samples are 0\.01 s apart, but its error bounds speak of at most 0\.005 s"):
-        longest_interval_of(steps, 0.005)
+        longest_interval_of(times, 0.005)
     for name, value in (("longest_interval", 0.0), ("longest_interval", np.nan), ("largest_rate", -1.0)):
         with pytest.raises(ValueError, match=f"{name} must be"):
             GyroBounds(0.1, **{name: value})
