@@ -101,6 +101,8 @@ class Gap:
     """Likewise in the first row after it, with what was measured there."""
     rows_without_set: int
     """Rows from the gap on until there is a set again, whatever is lost later; 0 if there was none before it."""
+    is_for_good: bool = False
+    """Whether these are all rows to the end: there never is a set again."""
 
 
 def gaps_of(
@@ -150,6 +152,7 @@ def gaps_of(
                 before=float(angles[i]),
                 after=float(angles[j]),
                 rows_without_set=again - int(i) - 1 if np.isfinite(angles[i]) else 0,
+                is_for_good=bool(np.isfinite(angles[i])) and again == len(angles),
             )
         )
     return tuple(gaps)
@@ -196,6 +199,15 @@ def _counted(count: int) -> str:
     return f"{count} gap{'s' if count > 1 else ''}"
 
 
+def _rows(count: int) -> str:
+    return f"{count} row{'s' if count > 1 else ''}"
+
+
+def _until(set_again: bool) -> str:
+    """How long there is no set."""
+    return "until there is a set again" if set_again else "without a set; there is none again to the end"
+
+
 def summarize(gaps: tuple[Gap, ...], gyro: GyroBounds | None) -> dict[str, Any]:
     """The figures for ``summary.json``: s, degrees; the longest gaps are listed one by one."""
 
@@ -216,6 +228,7 @@ def summarize(gaps: tuple[Gap, ...], gyro: GyroBounds | None) -> dict[str, Any]:
         "total_s": sum(gap.duration for gap in gaps),
         "forgotten": sum(gap.turn >= np.pi or gap.rows_without_set > 0 for gap in gaps),
         "rows_without_set": sum(gap.rows_without_set for gap in gaps),
+        "set_again": not any(gap.is_for_good for gap in gaps),
         "without_set_before": sum(not np.isfinite(gap.before) for gap in gaps),
         "listed": [
             {
@@ -225,6 +238,7 @@ def summarize(gaps: tuple[Gap, ...], gyro: GyroBounds | None) -> dict[str, Any]:
                 "largest_angle_before_deg": degrees(gap.before),
                 "largest_angle_after_deg": degrees(gap.after),
                 "rows_without_set": gap.rows_without_set,
+                "set_again": not gap.is_for_good,
             }
             for gap in listed
         ],
@@ -247,7 +261,7 @@ def _said(summary: dict[str, Any]) -> list[str]:
     without, before = summary["rows_without_set"], summary["without_set_before"]
     lost = "the row behind each has a set"
     if without:
-        lost = f"{without} row{'s' if without > 1 else ''} in all until there is a set again"
+        lost = f"{_rows(without)} in all {_until(summary['set_again'])}"
     elif before:
         lost = "none of them ended a set"
     if before:
@@ -265,7 +279,7 @@ def _said(summary: dict[str, Any]) -> list[str]:
         if before is None:
             cost = "there was no set before it"
         elif rows:
-            cost = f"attitude forgotten, {rows} row{'s' if rows > 1 else ''} until there is a set again"
+            cost = f"attitude forgotten, {_rows(rows)} {_until(gap['set_again'])}"
         else:
             cost = f"{LARGEST_ANGLE} {before:.3g} degrees before and {after:.3g} after it"
             cost = f"attitude forgotten and measured anew, {cost}" if forgotten else cost

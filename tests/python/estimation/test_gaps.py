@@ -303,6 +303,20 @@ def test_estimate_counts_no_gap_for_intervals_of_the_longest_length(tmp_path):
     assert estimation.summarize(estimated, configured(flow))["gaps"]["longest_interval_s"] == longest
 
 
+def test_rows_without_a_set_to_the_end_are_not_until_there_is_one_again():
+    log = gyro_log(4, 160, noise=0.001)
+    log.directions[1:, 1] = np.nan
+    log, configuration = without(log, (3.0, 4.2)), configured({"noise_deg_per_s": np.rad2deg(0.001)})
+    estimated = estimation.estimate(log, configuration)
+    (gap,) = estimated.guaranteed.gaps
+    assert gap.is_for_good
+    summary = gaps.summarize(estimated.guaranteed.gaps, estimated.guaranteed.rows.gyro)
+    assert summary["set_again"] is summary["listed"][0]["set_again"] is False
+    rows = len(log.times) - 61
+    assert summary["said"][0].endswith(f"{rows} rows in all without a set; there is none again to the end")
+    assert summary["said"][1].endswith(f"attitude forgotten, {rows} rows without a set; there is none again to the end")
+
+
 def test_the_longest_interval():
     times = np.cumsum([0.0] + [0.01] * 9 + [0.3])
     assert longest_interval_of(times, None) == pytest.approx(0.015)

@@ -108,3 +108,10 @@ def test_the_summary_counts_rows_with_a_tilt_above_the_set(estimated):
     summary = json.loads((estimated[0] / "out" / "summary.json").read_text())
     assert summary["tilt_beyond_set_rows"] == 0
     assert summary["sizes"]["all"]["largest_angle_deg"]["max"] == pytest.approx(summary["largest_angle_deg"]["max"])
+
+
+@pytest.mark.parametrize(("count", "said"), [(1, "1 row"), (2, "2 rows")])
+def test_one_row_is_a_row(count, said):
+    part = {"with_set": count, "largest_angle_deg": {"mean": 1.0, "max": 1.0}}
+    part |= dict.fromkeys(("tilt_bound_deg", "heading_bound_deg", "half_width_reference_deg"))
+    assert sizes_in_words.lines({"all": part}, ("X", "Y", "Z"))[0].endswith(f"all, {said}")
