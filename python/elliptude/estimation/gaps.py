@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.bounds.gyro import GyroBounds, longest_interval_of, usual_longest, with_rounding
+from elliptude.bounds.gyro import GyroBounds, covered_interval, usual_longest, with_rounding
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.estimation.sizes_in_words import LARGEST_ANGLE
@@ -27,7 +27,7 @@ def longest_interval(log: Log, configuration: Configuration) -> float:
     Raises
     ------
     ValueError
-        As `longest_interval_of`.
+        As `covered_interval`.
     """
     if log.rates is None:
         return np.inf
@@ -36,7 +36,7 @@ def longest_interval(log: Log, configuration: Configuration) -> float:
         stated = configuration.rule.rule().gyro.longest_interval_s
     elif isinstance(configuration.flow, GyroFlow):
         stated = configuration.flow.longest_interval_s
-    return longest_interval_of(_samples(log), stated)
+    return covered_interval(_samples(log), stated)
 
 
 def _samples(log: Log) -> FloatArray:

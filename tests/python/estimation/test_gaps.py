@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import tomlkit
 from elliptude import estimation, logs
-from elliptude.bounds.gyro import GyroBounds, longest_interval_of
+from elliptude.bounds.gyro import GyroBounds, covered_interval
 from elliptude.bounds.stamps import time_offset_angles
 from elliptude.configuration import Configuration
 from elliptude.configuration.rules import apply_rule, hand_held
@@ -273,7 +273,7 @@ def test_an_interval_as_long_as_the_longest_is_no_gap(unit, since):
     times = to_seconds(since * 10**6 + np.cumsum([4000, *([10_000] * 40 + [15_000]) * 20]))
     steps = np.diff(times)
     assert (steps > 0.015).any()
-    gyro = GyroBounds(0.1, longest_interval=longest_interval_of(times, 0.015))
+    gyro = GyroBounds(0.1, longest_interval=covered_interval(times, 0.015))
     assert not gyro.gaps(times, np.zeros((len(times), 3))).any()
     # As the core sees them: one prediction after the other.
     assert (steps <= gyro.longest_interval).all()
@@ -282,10 +282,10 @@ def test_an_interval_as_long_as_the_longest_is_no_gap(unit, since):
     late[-1] += max(1e-7, 8.0 * np.spacing(times[-1]))
     assert gyro.gaps(late, np.zeros((len(times), 3))).sum() == 1
     # Without a statement, too, and if most steps are that long.
-    unstated = GyroBounds(0.1, longest_interval=longest_interval_of(times, None))
+    unstated = GyroBounds(0.1, longest_interval=covered_interval(times, None))
     assert not unstated.gaps(times, np.zeros((len(times), 3))).any()
     even = to_seconds(since * 10**6 + 15_000 * np.arange(100))
-    assert longest_interval_of(even, 0.015) >= np.diff(even).max()
+    assert covered_interval(even, 0.015) >= np.diff(even).max()
 
 
 def test_estimate_counts_no_gap_for_intervals_of_the_longest_length(tmp_path):
@@ -319,10 +319,10 @@ def test_rows_without_a_set_to_the_end_are_not_until_there_is_one_again():
 
 def test_the_longest_interval():
     times = np.cumsum([0.0] + [0.01] * 9 + [0.3])
-    assert longest_interval_of(times, None) == pytest.approx(0.015)
-    assert longest_interval_of(times, 0.2) == pytest.approx(0.2)
+    assert covered_interval(times, None) == pytest.approx(0.015)
+    assert covered_interval(times, 0.2) == pytest.approx(0.2)
     with pytest.raises(ValueError, match=r"samples are 0\.01 s apart, but its error bounds speak of at most 0\.005 s"):
-        longest_interval_of(times, 0.005)
+        covered_interval(times, 0.005)
     for name, value in (("longest_interval", 0.0), ("longest_interval", np.nan), ("largest_rate", -1.0)):
         with pytest.raises(ValueError, match=f"{name} must be"):
             GyroBounds(0.1, **{name: value})

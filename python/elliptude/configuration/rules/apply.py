@@ -114,7 +114,7 @@ def apply_rule(
     rates, forces = np.asarray(angular_velocities, dtype=np.float64), np.asarray(specific_forces, dtype=np.float64)
     accelerometer, forces_at = rule.accelerometer, stamps if forces_sampled is None else forces_sampled
     if longest_interval is None:
-        longest_interval = longest_interval_of(stamps, rule.gyro.longest_interval_s)
+        longest_interval = longest_interval_of(np.diff(stamps), rule.gyro.longest_interval_s)
     gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest_interval)
     rest = rest_at_start(rule.rest, stamps, rates, forces, gyro)
     bias = mean_over_time(stamps[rest], rates[rest])

@@ -172,7 +172,7 @@ def field_at_start(
         If the recording does not start at rest, or contradicts the rule there.
     """
     assert rule.magnetometer is not None
-    longest = longest_interval_of(times, rule.gyro.longest_interval_s)
+    longest = longest_interval_of(np.diff(times), rule.gyro.longest_interval_s)
     gyro = dataclasses.replace(rule.gyro.bounds(), longest_interval=longest)
     rest = rest_at_start(rule.rest, times, angular_velocities, specific_forces, gyro)
     moved = moved_fields(rule.magnetometer, times, fields, fields_sampled, longest)
