@@ -175,6 +175,8 @@ def _say(log: NamedFile, summary: dict[str, Any]) -> None:
         typer.secho(f"gone on although implausible: {one}", fg=typer.colors.RED)
     if summary["calibrated"]:
         typer.echo(f"corrected by a calibration: {', '.join(summary['calibrated'])}")
+    for one in summary["calibrations_not_used"]:
+        typer.secho(one, fg=typer.colors.YELLOW)
     for one in summary["suspicious_statements"]:
         typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
     if summary["mode"] == "guaranteed":

@@ -133,6 +133,7 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
             findings += _refused(log, configuration, findings)
     said = set(findings)
     odd_statements = [one for one in suspicions.of_configuration(configuration) if one not in said]
+    findings += [Finding("warning", name, why) for name, why in configuration.calibrations_not_used().items()]
     findings += [one for one in map(_suspicious, odd_statements) if one not in said]
     reports = [_report(one, configuration) for one in samples]
     odd = {finding.sensor for finding in findings if isinstance(finding, OddSize)}

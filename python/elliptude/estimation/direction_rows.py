@@ -421,7 +421,8 @@ def _by_rule(log: Log, configuration: Configuration) -> DirectionRows:
         )
     except ValueError as error:
         why = suspicions.before_a_rules_refusal(rule, names[up_column], vectors[:, up_column])
-        raise ValueError(f"{why}{error}") from error
+        unused = "".join(f"; {one}" for one in configuration.calibrations_not_used().values())
+        raise ValueError(f"{why}{error}{unused}") from error
     up = np.array([0.0, 0.0, 1.0])
     found = [(names[up_column], _among(ruled.up, rows, log), up, "m/s^2")]
     if ruled.field is not None and ruled.east is not None and ruled.field_reference is not None:

@@ -154,7 +154,9 @@ def _hint(
     if compared.inside is None or compared.inside.mean() >= _MOST_OUTSIDE:
         return None
     of_sets = run.frame or "ENU"
-    if of_sets not in (frames := get_args(monitored.GroundFrame)):
+    frames: tuple[monitored.GroundFrame, ...] = get_args(monitored.GroundFrame)
+    of_sets = next((frame for frame in frames if frame == (run.frame or "ENU")), None)
+    if of_sets is None:
         return None
     for frame in frames:
         turn = monitored.frame_to_frame(frame, of_sets)
