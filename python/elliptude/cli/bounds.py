@@ -236,21 +236,18 @@ def bounds(
         if mode == "guaranteed" and "rule" not in tables:
             no_rule = why_no_rule({"estimator": {"mode": mode}} | tables, ruled, proposed, recording.shared_stamps)
             says = [*what_it_says(numbers_of(ruled), proposed), *between_samples(proposed, carried)]
-        statements = statements_of(ruled)
-        if no_rule is not None and document is not None:
-            statements = statements_in(document, statements)
         up = _up_at_rest(recording, origin, proposed.rest_limits or None)
     if as_json:
         summary = {"log": str(source), "note": _NOTE, "margin": margin} | summarize(proposed)
         summary |= {"implausible": implausible, "suspicious": suspicious, "repaired": repaired.to_dict()}
-        summary |= {"carried": carried, "statements": statements, "what_they_say": says}
+        summary |= {"carried": carried, "statements": _to_check(ruled, no_rule, document), "what_they_say": says}
         summary |= {"why_no_rule": no_rule, "up_at_rest": _up_as_json(up)}
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
         return
     for line in repaired.lines():
         typer.secho(line, fg=typer.colors.YELLOW)
     _say(source, tables, recording, proposed, up, implausible, suspicious)
-    _say_statements(carried, statements, says)
+    _say_statements(carried, _to_check(ruled, no_rule, document), says)
     _say_no_rule(no_rule, recording, up_alone=is_up_alone(tables))
     typer.echo(_NOTE)
     if out is not None:
@@ -386,6 +383,11 @@ def _say(
         typer.secho(f"implausible: {one}", fg=typer.colors.RED)
     for one in suspicious:
         typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
+
+
+def _to_check(ruled: RuleTables, no_rule: str | None, own: tomlkit.TOMLDocument | None) -> list[dict[str, Any]]:
+    """What a person must check: numbers of the rule, or of a file in which each sensor states its own."""
+    return statements_of(ruled) if no_rule is None or own is None else statements_in(own, statements_of(ruled))
 
 
 def _say_statements(carried: Carried, statements: list[dict[str, Any]], says: list[str]) -> None:

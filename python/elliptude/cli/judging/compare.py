@@ -153,7 +153,6 @@ def _hint(
     """That the reference is probably in another frame than the sets, if most of them exclude it and then do not."""
     if compared.inside is None or compared.inside.mean() >= _MOST_OUTSIDE:
         return None
-    of_sets = run.frame or "ENU"
     frames: tuple[monitored.GroundFrame, ...] = get_args(monitored.GroundFrame)
     of_sets = next((frame for frame in frames if frame == (run.frame or "ENU")), None)
     if of_sets is None:
