@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elliptude.bounds.arguments import increasing_times, vector_rows
-from elliptude.bounds.gyro_errors import TIMES_USUAL, GyroErrors, longest_interval_of
+from elliptude.bounds.gyro_errors import (
+    TIMES_USUAL,
+    GyroErrors,
+    covered_interval,
+    longest_interval_of,
+    usual_longest,
+    with_rounding,
+)
 from elliptude.bounds.matrix_effects import largest_stretch, scale_effects
 from elliptude.bounds.turns import (
     coning_angles,
@@ -23,7 +30,15 @@ from elliptude.bounds.turns import (
 )
 from elliptude.typing import FloatArray
 
-__all__ = ["TIMES_USUAL", "AnchoredTurns", "GyroBounds", "longest_interval_of"]
+__all__ = [
+    "TIMES_USUAL",
+    "AnchoredTurns",
+    "GyroBounds",
+    "covered_interval",
+    "longest_interval_of",
+    "usual_longest",
+    "with_rounding",
+]
 
 _SQRT3 = math.sqrt(3.0)
 

@@ -22,13 +22,43 @@ TIMES_USUAL = 1.5
 """A gap is longer than this times the usual interval: one lost sample exceeds it, the ticks of a clock do not."""
 
 
-def longest_interval_of(intervals: FloatArray, stated: float | None) -> float:
-    """The longest interval that a gyro's error bounds cover, s.
+_ROUNDED = 1e-9
+_UNITS_OF_STAMPS = 4.0
+
+
+def with_rounding(longest: float, times: FloatArray) -> float:
+    """A longest interval, s, and what rounding of stamps and of their differences may add to one of that length.
+
+    What is longer is a gap. Python and the core compare with this number, so that they agree.
 
     Parameters
     ----------
-    intervals : (M,) array
-        Between its samples, s.
+    longest : float
+        s.
+    times : (N,) array
+        The stamps that intervals are between, s.
+    """
+    largest = float(np.abs(times[np.isfinite(times)]).max(initial=0.0))
+    return longest * (1.0 + _ROUNDED) + _UNITS_OF_STAMPS * float(np.spacing(largest))
+
+
+def usual_longest(intervals: FloatArray) -> float:
+    """The longest interval that bounds cover for which none is stated, s; infinite without intervals."""
+    return TIMES_USUAL * float(np.median(intervals)) if len(intervals) else np.inf
+
+
+def longest_interval_of(intervals: FloatArray, stated: float | None) -> float:
+    """As `covered_interval` of times that begin at 0 and have these intervals between them, s."""
+    return covered_interval(np.concatenate([[0.0], np.cumsum(intervals)]), stated)
+
+
+def covered_interval(times: FloatArray, stated: float | None) -> float:
+    """The longest interval that a gyro's error bounds cover, `with_rounding`, s.
+
+    Parameters
+    ----------
+    times : (N,) array
+        Of its samples, s, increasing.
     stated : float or None
         What a configuration or a rule states. If None, bounds hold for the usual interval, and 1.5 times the median is
         the longest.
@@ -42,15 +72,17 @@ def longest_interval_of(intervals: FloatArray, stated: float | None) -> float:
     ValueError
         If most of the intervals are longer than what is stated.
     """
-    usual = float(np.median(intervals)) if len(intervals) else np.inf
+    intervals = np.diff(times)
     if stated is None:
-        return TIMES_USUAL * usual
-    if usual > stated and len(intervals):
+        return with_rounding(usual_longest(intervals), times)
+    longest = with_rounding(stated, times)
+    usual = float(np.median(intervals)) if len(intervals) else 0.0
+    if usual > longest:
         raise ValueError(
             f"the gyro's samples are {usual:.6g} s apart, but its error bounds speak of at most {stated:.6g} s "
             "(longest_interval_s): state bounds that hold between these samples"
         )
-    return stated
+    return longest
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ from elliptude.proposal.proposed_rule import (
 )
 from elliptude.proposal.starting.by_sensor import is_up_alone
 from elliptude.proposal.starting.configuration import MARGIN, UP_ALONE, Mode, starting_configuration, why_no_rule
-from elliptude.proposal.starting.document import Once
+from elliptude.proposal.starting.document import Once, statements_in
 from elliptude.proposal.summary import lines_of, remarks_on, summarize
 
 _NO_RULE_IN_FREE_FALL = (
@@ -240,14 +240,14 @@ def bounds(
     if as_json:
         summary = {"log": str(source), "note": _NOTE, "margin": margin} | summarize(proposed)
         summary |= {"implausible": implausible, "suspicious": suspicious, "repaired": repaired.to_dict()}
-        summary |= {"carried": carried, "statements": statements_of(ruled), "what_they_say": says}
+        summary |= {"carried": carried, "statements": _to_check(ruled, no_rule, document), "what_they_say": says}
         summary |= {"why_no_rule": no_rule, "up_at_rest": _up_as_json(up)}
         typer.echo(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False))
         return
     for line in repaired.lines():
         typer.secho(line, fg=typer.colors.YELLOW)
     _say(source, tables, recording, proposed, up, implausible, suspicious)
-    _say_statements(carried, statements_of(ruled), says)
+    _say_statements(carried, _to_check(ruled, no_rule, document), says)
     _say_no_rule(no_rule, recording, up_alone=is_up_alone(tables))
     typer.echo(_NOTE)
     if out is not None:
@@ -385,19 +385,24 @@ def _say(
         typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
 
 
+def _to_check(ruled: RuleTables, no_rule: str | None, own: tomlkit.TOMLDocument | None) -> list[dict[str, Any]]:
+    """What a person must check: numbers of the rule, or of a file in which each sensor states its own."""
+    return statements_of(ruled) if no_rule is None or own is None else statements_in(own, statements_of(ruled))
+
+
 def _say_statements(carried: Carried, statements: list[dict[str, Any]], says: list[str]) -> None:
     """What a person must check: numbers that depend on how the sensor is carried, each with its reason."""
     if not says:
         return
     others = ", ".join(f"--carried {one}" for one in get_args(Carried) if one != carried)
     typer.echo(f"What sets will rest on, by {in_words(carried)} ({others} if it is not); check each number:")
-    once = Once([one["reason"] for one in statements if one["reason"]])
+    once = Once([one["reason"] for one in statements if one["reason"] and "in_file" not in one])
     for one in statements:
         value = one["value"]
         numbers = ", ".join(f"{number:g}" for number in value) if isinstance(value, list | tuple) else f"{value:g}"
-        typer.echo(f"  {one['table']}.{one['key']} = {numbers}")
+        typer.echo(f"  {one.get('in_file', one['table'])}.{one['key']} = {numbers}")
         # Below it, not beside it: in a narrow column names of other statements would be cut.
-        said = once((one["table"], one["key"]), one["reason"] or one["how"])
+        said = one["how"] if "in_file" in one else once((one["table"], one["key"]), one["reason"] or one["how"])
         typer.echo(textwrap.fill(said, Console().width, initial_indent=_INDENT, subsequent_indent=_INDENT))
     for line in says:
         typer.secho(line, fg=typer.colors.YELLOW)

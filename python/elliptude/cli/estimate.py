@@ -27,7 +27,7 @@ from elliptude.estimation.estimator import PieceEstimator
 from elliptude.estimation.guaranteed_run import run_guaranteed
 from elliptude.estimation.questions import columns as answer_columns
 from elliptude.estimation.questions.answers import answers_of
-from elliptude.estimation.sizes_in_words import LARGEST_ANGLE
+from elliptude.estimation.sizes_in_words import LARGEST_ANGLE, rows_in_words
 from elliptude.estimation.summary import SETTLED_UPDATE, Summary
 from elliptude.io.background import ahead
 from elliptude.io.column_files import write_columns, writing_columns
@@ -37,6 +37,7 @@ from elliptude.logs import log as logs
 from elliptude.logs import plausibility
 from elliptude.logs.repair import Survey
 from elliptude.logs.repaired import Repaired
+from elliptude.report.breaks import LongSteps
 from elliptude.report.estimated.measured import Measured
 from elliptude.report.estimated.reading import read_run
 from elliptude.report.estimated.stored import MEASURED
@@ -174,12 +175,16 @@ def _say(log: NamedFile, summary: dict[str, Any]) -> None:
         typer.secho(f"gone on although implausible: {one}", fg=typer.colors.RED)
     if summary["calibrated"]:
         typer.echo(f"corrected by a calibration: {', '.join(summary['calibrated'])}")
+    for one in summary["calibrations_not_used"]:
+        typer.secho(one, fg=typer.colors.YELLOW)
     for one in summary["suspicious_statements"]:
         typer.secho(f"suspicious: {one}", fg=typer.colors.YELLOW)
     if summary["mode"] == "guaranteed":
         _say_of_guaranteed(log, summary)
     else:
-        typer.echo(f"{log}: {summary['rows']} rows, {summary['updates']} updates, {summary['refused']} refused")
+        typer.echo(
+            f"{log}: {rows_in_words(summary['rows'])}, {summary['updates']} updates, {summary['refused']} refused"
+        )
     if "smoothing" in summary:
         for line in summary["smoothing"]["said"]:
             typer.echo(f"  {line}")
@@ -211,17 +216,18 @@ def _say_of_guaranteed(log: NamedFile, summary: dict[str, Any]) -> None:
     recording = summary["bounds_from_recording"]
     if recording is None:
         shares = ", ".join(f"{name} {100.0 * share:.4g} %" for name, share in claims.items())
-        typer.echo(f"{log}: {summary['rows']} rows; the guarantee is {shares}")
+        typer.echo(f"{log}: {rows_in_words(summary['rows'])}; the guarantee is {shares}")
     else:
         shares = ", ".join(f"{100.0 * share:.4g} % {IF_PROPOSED_BOUNDS_HOLD[name]}" for name, share in claims.items())
-        typer.echo(f"{log}: {summary['rows']} rows; {shares}")
+        typer.echo(f"{log}: {rows_in_words(summary['rows'])}; {shares}")
         typer.echo(
             f"  the bounds are proposals from {recording}, so that the sets are no guarantee: once there is a reason "
             "for each bound, delete bounds_from_recording in the configuration"
         )
     for sensor, rows in summary["contradicted_rows"].items():
         what = "left out for the whole recording" if sensor in summary["void"] else "left out there"
-        typer.echo(f"  {sensor}: {rows} rows contradict its stated bounds; {what}")
+        contradict = "1 row contradicts" if rows == 1 else f"{rows} rows contradict"
+        typer.echo(f"  {sensor}: {contradict} its stated bounds; {what}")
     if summary["contradicted_up"] is not None:
         typer.secho(f"  {summary['contradicted_up']['said']}", fg=typer.colors.RED)
     if summary["dropped_measurements"]:
@@ -266,7 +272,7 @@ def _estimate_pieces(
     at_once = configuration.estimator.mode == "guaranteed"
     if at_once:
         pieces = _counted(pieces, progress, task)
-    summary, thinned, measured = Summary(), Thinned(), Measured(configuration)
+    summary, thinned, steps, measured = Summary(), Thinned(), LongSteps(), Measured(configuration)
     try:
         with writing_columns(out / table, "results", heard.notes, configuration.proposed_from) as write:
             for result in estimator.run(_measured(pieces, measured)):
@@ -276,6 +282,7 @@ def _estimate_pieces(
                 write(result.columns(), result.origin)
                 summary.add(result)
                 thinned.add(result)
+                steps.add(result.times)
                 if not at_once:
                     measured.add_left_out(result)
             progress.update(task, description="Writing")
@@ -302,9 +309,17 @@ def _estimate_pieces(
         assert estimator.guaranteed is not None
         figures_of["smoothing"] = smoothing.figures(estimator.guaranteed)
     figures_of["repaired"] = found.to_dict()
-    sensors = measured.sensors()
     return finish(
-        thinned.result(), figures_of, configuration, out, table, log.name, summary.inside_share, axes, sensors
+        thinned.result(),
+        figures_of,
+        configuration,
+        out,
+        table,
+        log.name,
+        summary.inside_share,
+        axes,
+        measured.sensors(),
+        steps.gaps(figures_of["gaps"]["longest_interval_s"]),
     )
 
 

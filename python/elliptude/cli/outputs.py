@@ -90,6 +90,7 @@ def finish(
     inside_share: float | None = None,
     axes: ErrorAxes = "reference",
     measured: Sequence[MeasuredSensor] = (),
+    gaps: Sequence[tuple[float, float]] = (),
 ) -> dict[str, Any]:
     """Write what was measured, draw the figure, and write the summary, last: it says that the folder is complete."""
     from elliptude.report import figures
@@ -107,6 +108,7 @@ def finish(
         heading_from_start=summary.get("heading") == "from the first row",
         proposed_from=configuration.proposed_from,
         measured=measured,
+        gaps=gaps,
     )
     figures.save(figure, out / FIGURE)
     summary |= {"title": title, "results": table, "figure": FIGURE}

@@ -23,7 +23,7 @@ from elliptude.cli.options import (
 )
 from elliptude.cli.outputs import PAGE, RECORDING, require_outputs
 from elliptude.cli.progress import steps
-from elliptude.configuration.configuration import read_configuration
+from elliptude.configuration.configuration import read_configuration, read_configuration_of_truth
 from elliptude.estimation.sizes_in_words import LARGEST_ANGLE, mean_and_most
 from elliptude.io.spool import recording
 from elliptude.report import comparison
@@ -176,7 +176,7 @@ def _against(
 ) -> tuple[Run, str]:
     """The run compared with a reference, and what that is called."""
     file, error = recording(reference), None if error_deg is None else math.radians(error_deg)
-    configuration = None if config is None else read_configuration(config)
+    configuration = None if config is None else read_configuration_of_truth(config)
     compared = comparison.run_against(run, file, configuration, largest_gap=largest_gap_s, reference_error=error)
     return compared, file.name
 

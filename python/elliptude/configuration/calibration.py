@@ -283,6 +283,21 @@ StatedCalibration: TypeAlias = Annotated[
 ]
 
 
+def left_and_stated(
+    found: AccelerometerCalibration | MagnetometerCalibration, stated: VectorSensorBounds
+) -> tuple[float, float]:
+    """How far a mean of corrected samples may be off, and of samples as they are by a statement, m/s² or µT.
+
+    With what the scale errors make of the usual length, if they differ.
+    """
+    _, averaged = found.left()
+    stated_average = stated.error if stated.averaged_error is None else stated.averaged_error
+    if found.scale_error == stated.scale_error:
+        return averaged, stated_average
+    length = _USUAL_LENGTH[found.kind]
+    return averaged + found.scale_error * length, stated_average + stated.scale_error * length
+
+
 def calibrated_bounds(
     found: AccelerometerCalibration | MagnetometerCalibration, stated: VectorSensorBounds
 ) -> VectorSensorBounds | None:
@@ -294,9 +309,7 @@ def calibrated_bounds(
     if not found.corrects():
         return None
     error, averaged = found.left()
-    scale = found.scale_error
-    length = _USUAL_LENGTH[found.kind]
-    stated_average = stated.error if stated.averaged_error is None else stated.averaged_error
-    if not averaged + scale * length < stated_average + stated.scale_error * length:
+    left, own = left_and_stated(found, stated)
+    if not left < own:
         return None
-    return VectorSensorBounds(error, scale, stated.misalignment, averaged, found.averaged_over_s)
+    return VectorSensorBounds(error, found.scale_error, stated.misalignment, averaged, found.averaged_over_s)

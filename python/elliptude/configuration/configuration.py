@@ -276,6 +276,24 @@ class Configuration(AllTables):
             )
 
 
+# What an estimation needs and the attitudes of a file do not: it is not used.
+_OF_ANY_GYRO = {"kind": "gyro", "columns": ["x", "y", "z"], "noise_deg_per_s": 1.0}
+
+
+def read_configuration_of_truth(path: str | os.PathLike[str]) -> Configuration:
+    """Read a configuration that is for the attitudes of a file alone: without ``flow`` it need not say how to estimate.
+
+    Raises
+    ------
+    FileError
+        As `read_configuration`.
+    """
+    tables = load_toml(path)
+    if "flow" in tables or "truth" not in tables:
+        return read_configuration(path)
+    return validate(path, {"flow": _OF_ANY_GYRO, "estimator": {"mode": "guaranteed"}} | tables, Configuration)
+
+
 def read_configuration(path: str | os.PathLike[str]) -> Configuration:
     """Read the configuration in a TOML file.
 

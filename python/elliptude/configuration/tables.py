@@ -15,6 +15,7 @@ from elliptude.configuration.calibration import (
     MagnetometerCalibration,
     StatedCalibration,
     calibrated_bounds,
+    left_and_stated,
 )
 from elliptude.configuration.estimator import (
     Estimator,
@@ -165,6 +166,32 @@ class AllTables(Model):
         """The names of the sensors whose samples are corrected by a calibration."""
         names = [] if self.gyro_correction() is None else ["the gyro"]
         return names + [sensor.name for sensor in self.directions if self.correction_of(sensor) is not None]
+
+    def calibrations_not_used(self) -> dict[str, str]:
+        """Of which sensors a calibration is not used, and why, in words: less is stated than it leaves."""
+        said = {}
+        says = "the rule says" if self.rule is not None else "sensor_error says"
+        for sensor in self.directions:
+            found = self._calibration_of(sensor)
+            if found is None or not found.corrects() or self.correction_of(sensor) is not None:
+                continue
+            assert isinstance(sensor, Accelerometer | Magnetometer)
+            unit, stated = "m/s^2" if sensor.kind == "accelerometer" else "µT", self._stated_bounds(sensor)
+            left, own = left_and_stated(found, stated)
+            why = f"it leaves {left:.3g} {unit}, {says} {own:.3g} {unit}"
+            if left < own:
+                why = "an angle is stated, of samples as they are"
+            elif found.scale_error != stated.scale_error:
+                why += ", with the scale errors"
+            said[sensor.name] = f"the calibration of {sensor.name!r} is not used: {why}"
+        flow, rule = self.flow, self.rule
+        if isinstance(flow, GyroFlow) and rule is not None and self.calibration and self.gyro_correction() is None:
+            for one in self.calibration.calibration().sensors:
+                if isinstance(one, GyroCalibration) and one.columns == flow.columns and one.corrects_scale():
+                    own = rule.rule().gyro.scale_error
+                    why = f"it leaves a scale error of {one.scale_error:.3g}, the rule says {own:.3g}"
+                    said["the gyro"] = f"the calibration of the gyro is not used: {why}"
+        return said
 
     def calibrated_rule(self) -> Rule:
         """The rule, with what calibrations leave of the sensors' errors."""

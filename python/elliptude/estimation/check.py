@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from elliptude import units
+from elliptude.bounds.gyro import usual_longest, with_rounding
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.estimator import FirstMeasurementStart
 from elliptude.configuration.findings import suspicions
@@ -25,8 +26,6 @@ from elliptude.logs.signals.saturation import Saturation
 from elliptude.logs.signals.silence import Stuck, stopped_sensors
 from elliptude.typing import FloatArray
 
-# In median steps: a longer step is a gap.
-_GAP = 1.5
 _GRAVITY_TOLERANCE = 0.1
 _HIGHEST_SAMPLE_RATE = 1e5
 _UNIT_NORM_TOLERANCE = 1e-3
@@ -134,6 +133,7 @@ def check(path: str | os.PathLike[str], configuration: Configuration) -> Report:
             findings += _refused(log, configuration, findings)
     said = set(findings)
     odd_statements = [one for one in suspicions.of_configuration(configuration) if one not in said]
+    findings += [Finding("warning", name, why) for name, why in configuration.calibrations_not_used().items()]
     findings += [one for one in map(_suspicious, odd_statements) if one not in said]
     reports = [_report(one, configuration) for one in samples]
     odd = {finding.sensor for finding in findings if isinstance(finding, OddSize)}
@@ -190,7 +190,7 @@ def _report(samples: Samples, configuration: Configuration) -> SensorReport:
         rate_hz=float(1.0 / np.median(steps)) if several else None,
         longest_step_s=float(steps[longest]) if several else None,
         longest_step_at_s=float(times[longest]) if several else None,
-        gaps=int((steps > _GAP * np.median(steps)).sum()) if several else 0,
+        gaps=int((steps > with_rounding(usual_longest(steps), times)).sum()) if several else 0,
         lowest=values.min(axis=0).tolist() if there else None,
         highest=values.max(axis=0).tolist() if there else None,
         median_norm=float(np.median(np.linalg.norm(values, axis=1))) if there else None,

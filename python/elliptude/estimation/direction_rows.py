@@ -20,6 +20,7 @@ from elliptude.bounds.velocity import MeasuredVelocity
 from elliptude.bounds.windows import MotionBounds, gravity_bounds_over_windows
 from elliptude.configuration import references, rules
 from elliptude.configuration.configuration import Configuration
+from elliptude.configuration.findings import suspicions
 from elliptude.configuration.motion import GyroFlow, RigidBodyFlow
 from elliptude.configuration.sensors import Accelerometer, AnyDirection, Magnetometer
 from elliptude.configuration.statements import AccelerationBound, FieldBound, RestPhase, VelocityWindowBound
@@ -406,17 +407,22 @@ def _by_rule(log: Log, configuration: Configuration) -> DirectionRows:
     own = [None if (times := log.sampled(i)) is None else times[rows] for i in range(len(names))]
     velocity = measured_velocity(log, configuration)
     _require_as_slow(velocity, rule.motion.velocity_m_per_s, "the rule")
-    ruled = rules.apply_rule(
-        rule,
-        log.times[rows],
-        log.rates[rows],
-        vectors[:, up_column],
-        None if len(names) == 1 else vectors[:, 1 - up_column] / _MICROTESLA,
-        longest_interval=gaps.longest_interval(log, configuration),
-        velocity=velocity,
-        forces_sampled=own[up_column],
-        fields_sampled=None if len(names) == 1 else own[1 - up_column],
-    )
+    try:
+        ruled = rules.apply_rule(
+            rule,
+            log.times[rows],
+            log.rates[rows],
+            vectors[:, up_column],
+            None if len(names) == 1 else vectors[:, 1 - up_column] / _MICROTESLA,
+            longest_interval=gaps.longest_interval(log, configuration),
+            velocity=velocity,
+            forces_sampled=own[up_column],
+            fields_sampled=None if len(names) == 1 else own[1 - up_column],
+        )
+    except ValueError as error:
+        why = suspicions.before_a_rules_refusal(rule, names[up_column], vectors[:, up_column])
+        unused = "".join(f"; {one}" for one in configuration.calibrations_not_used().values())
+        raise ValueError(f"{why}{error}{unused}") from error
     up = np.array([0.0, 0.0, 1.0])
     found = [(names[up_column], _among(ruled.up, rows, log), up, "m/s^2")]
     if ruled.field is not None and ruled.east is not None and ruled.field_reference is not None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.bounds.gyro import GyroBounds, longest_interval_of
+from elliptude.bounds.gyro import GyroBounds, covered_interval, usual_longest, with_rounding
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
 from elliptude.estimation.sizes_in_words import LARGEST_ANGLE
@@ -27,7 +27,7 @@ def longest_interval(log: Log, configuration: Configuration) -> float:
     Raises
     ------
     ValueError
-        As `longest_interval_of`.
+        As `covered_interval`.
     """
     if log.rates is None:
         return np.inf
@@ -36,7 +36,7 @@ def longest_interval(log: Log, configuration: Configuration) -> float:
         stated = configuration.rule.rule().gyro.longest_interval_s
     elif isinstance(configuration.flow, GyroFlow):
         stated = configuration.flow.longest_interval_s
-    return longest_interval_of(np.diff(_samples(log)), stated)
+    return covered_interval(_samples(log), stated)
 
 
 def _samples(log: Log) -> FloatArray:
@@ -101,6 +101,8 @@ class Gap:
     """Likewise in the first row after it, with what was measured there."""
     rows_without_set: int
     """Rows from the gap on until there is a set again, whatever is lost later; 0 if there was none before it."""
+    is_for_good: bool = False
+    """Whether these are all rows to the end: there never is a set again."""
 
 
 def gaps_of(
@@ -150,6 +152,7 @@ def gaps_of(
                 before=float(angles[i]),
                 after=float(angles[j]),
                 rows_without_set=again - int(i) - 1 if np.isfinite(angles[i]) else 0,
+                is_for_good=bool(np.isfinite(angles[i])) and again == len(angles),
             )
         )
     return tuple(gaps)
@@ -174,8 +177,9 @@ class Bridged:
         self._last = samples[-1:]
         intervals = np.diff(samples)
         if self._longest is None and len(intervals):
-            self._longest = longest_interval_of(intervals, None)
-        for at in np.flatnonzero(intervals > (np.inf if self._longest is None else self._longest)):
+            self._longest = usual_longest(intervals)
+        longest = np.inf if self._longest is None else with_rounding(self._longest, samples)
+        for at in np.flatnonzero(intervals > longest):
             self._count, self._total = self._count + 1, self._total + float(intervals[at])
             self._longest_gap = max(self._longest_gap, (float(intervals[at]), float(samples[at])))
 
@@ -195,6 +199,15 @@ def _counted(count: int) -> str:
     return f"{count} gap{'s' if count > 1 else ''}"
 
 
+def _rows(count: int) -> str:
+    return f"{count} row{'s' if count > 1 else ''}"
+
+
+def _until(set_again: bool) -> str:
+    """How long there is no set."""
+    return "until there is a set again" if set_again else "without a set; there is none again to the end"
+
+
 def summarize(gaps: tuple[Gap, ...], gyro: GyroBounds | None) -> dict[str, Any]:
     """The figures for ``summary.json``: s, degrees; the longest gaps are listed one by one."""
 
@@ -207,13 +220,15 @@ def summarize(gaps: tuple[Gap, ...], gyro: GyroBounds | None) -> dict[str, Any]:
     worst = sorted(gaps, key=lambda gap: (-gap.rows_without_set, -gap.duration))
     listed = sorted(worst[:MOST_LISTED], key=lambda gap: gap.time)
     summary: dict[str, Any] = {
-        "longest_interval_s": None if gyro is None else finite(gyro.longest_interval),
+        # Nine digits are without what is for rounding.
+        "longest_interval_s": None if gyro is None else finite(float(f"{gyro.longest_interval:.9g}")),
         "largest_rate_deg_per_s": None if gyro is None else degrees(gyro.largest_rate),
         "largest_angular_acceleration_deg_per_s2": None if gyro is None else degrees(gyro.angular_acceleration),
         "count": len(gaps),
         "total_s": sum(gap.duration for gap in gaps),
         "forgotten": sum(gap.turn >= np.pi or gap.rows_without_set > 0 for gap in gaps),
         "rows_without_set": sum(gap.rows_without_set for gap in gaps),
+        "set_again": not any(gap.is_for_good for gap in gaps),
         "without_set_before": sum(not np.isfinite(gap.before) for gap in gaps),
         "listed": [
             {
@@ -223,6 +238,7 @@ def summarize(gaps: tuple[Gap, ...], gyro: GyroBounds | None) -> dict[str, Any]:
                 "largest_angle_before_deg": degrees(gap.before),
                 "largest_angle_after_deg": degrees(gap.after),
                 "rows_without_set": gap.rows_without_set,
+                "set_again": not gap.is_for_good,
             }
             for gap in listed
         ],
@@ -245,7 +261,7 @@ def _said(summary: dict[str, Any]) -> list[str]:
     without, before = summary["rows_without_set"], summary["without_set_before"]
     lost = "the row behind each has a set"
     if without:
-        lost = f"{without} row{'s' if without > 1 else ''} in all until there is a set again"
+        lost = f"{_rows(without)} in all {_until(summary['set_again'])}"
     elif before:
         lost = "none of them ended a set"
     if before:
@@ -263,7 +279,7 @@ def _said(summary: dict[str, Any]) -> list[str]:
         if before is None:
             cost = "there was no set before it"
         elif rows:
-            cost = f"attitude forgotten, {rows} row{'s' if rows > 1 else ''} until there is a set again"
+            cost = f"attitude forgotten, {_rows(rows)} {_until(gap['set_again'])}"
         else:
             cost = f"{LARGEST_ANGLE} {before:.3g} degrees before and {after:.3g} after it"
             cost = f"attitude forgotten and measured anew, {cost}" if forgotten else cost

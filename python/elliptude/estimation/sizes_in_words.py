@@ -20,9 +20,14 @@ def half_width(axis: str) -> str:
     return f"half-width about {axis}"
 
 
+def rows_in_words(count: int) -> str:
+    """How many rows, such as "1 row"."""
+    return "1 row" if count == 1 else f"{count} rows"
+
+
 def tilt_beyond_set(rows: int) -> str:
     """Why a bound of the tilt may be larger than the largest angle in the set."""
-    where = "1 row" if rows == 1 else f"{rows} rows"
+    where = rows_in_words(rows)
     return (
         f"at {where} the {TILT} is above the {LARGEST_ANGLE}: it has the claim of up, which does not rest on what was "
         "left out, as the set does there"
@@ -56,7 +61,7 @@ def lines(sizes: Mapping[str, Mapping[str, Any]], axes: Sequence[str]) -> list[s
         for i, axis in enumerate(axes):
             widths = [part["half_width_reference_deg"] for part in parts.values()]
             figures[half_width(axis)] = [mean_and_most(one["mean"][i], one["max"][i]) for one in widths]
-    heads = [f"{name}, {part['with_set']} rows" for name, part in parts.items()]
+    heads = [f"{name}, {rows_in_words(part['with_set'])}" for name, part in parts.items()]
     rows = [("degrees: mean (at most)", heads), *figures.items()]
     first = max(len(name) for name, _ in rows)
     widths_of_columns = [max(len(cells[i]) for _, cells in rows) for i in range(len(heads))]

@@ -143,6 +143,7 @@ class Summary:
             "bounds_from_recording": configuration.proposed_from,
             "implausible": [*map(str, heard.ignored)],
             "calibrated": configuration.corrected_sensors(),
+            "calibrations_not_used": list(configuration.calibrations_not_used().values()),
             "suspicious_statements": [*map(str, [*suspicions.of_configuration(configuration), *heard.suspicious])],
             "up_at_rest": None if heard.up is None else asdict(heard.up) | {"in_words": str(heard.up)},
             "compared_with": None,

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude import units
+from elliptude.bounds.gyro import usual_longest, with_rounding
 from elliptude.bounds.rest import rest_rows
 from elliptude.configuration import rules
 from elliptude.configuration.configuration import Configuration
@@ -136,7 +137,7 @@ def _first_rest(
         return None
     steps = np.diff(times[rows])
     usual = float(np.median(steps))
-    apart = np.append(steps > max(0.5 * duration, 1.5 * usual), True)
+    apart = np.append(steps > with_rounding(max(0.5 * duration, usual_longest(steps)), times), True)
     begin = still & np.append(True, ~still[:-1] | apart[:-1])
     end = still & np.append(~still[1:] | apart[:-1], True)
     for first, last in zip(np.flatnonzero(begin), np.flatnonzero(end), strict=True):

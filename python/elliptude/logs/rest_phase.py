@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from elliptude import units
-from elliptude.bounds.gyro import TIMES_USUAL
+from elliptude.bounds.gyro import usual_longest, with_rounding
 from elliptude.bounds.rest import mean_at_rest
 from elliptude.bounds.samples import VectorSensorBounds, angle_to_center
 from elliptude.configuration import references
@@ -102,7 +102,7 @@ def _rest_mean(
         raise FileError(f"{file.path}: {sensor.name!r} turns in {where}")
     unit = 1.0 if isinstance(sensor, Accelerometer) else _MICROTESLA
     # Samples were lost in a longer step, and no mean is stated across it.
-    longest = TIMES_USUAL * float(np.median(np.diff(times))) if len(times) > 1 else np.inf
+    longest = with_rounding(usual_longest(np.diff(times)), times)
     mean, error, lasted = mean_at_rest(times, vectors / unit, configuration.sensor_bounds(sensor), longest_step=longest)
     return RestMean(unit * mean, error, lasted)
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elliptude.bounds.gyro import longest_interval_of
+from elliptude.bounds.gyro import usual_longest, with_rounding
 from elliptude.proposal.statistics import rotations_of
 from elliptude.typing import FloatArray
 
@@ -57,7 +57,7 @@ def delay_of_rates(
     turns = np.full_like(rates, np.nan)
     turns[1:-1] = (reference[:-2].inv() * reference[2:]).as_rotvec() / spans[:, None]
     turns[1:-1][~(known[:-2] & known[2:])] = np.nan
-    turns[1:-1][spans > longest_interval_of(spans, None)] = np.nan  # the gyro knows nothing about a gap
+    turns[1:-1][spans > with_rounding(usual_longest(spans), stamps)] = np.nan  # the gyro knows nothing about a gap
     return _delay(stamps, lambda shifted: rates - shifted, turns, limit, piece)
 
 
@@ -94,7 +94,9 @@ def delay_of_vectors(
         result[half:-half] = (
             (rows[2 * half :] - rows[: -2 * half]) - (running[2 * half :] - running[: -2 * half])
         ) / spans
-        result[half:-half][spans[:, 0] > longest_interval_of(spans, None)] = np.nan  # reaches over a gap
+        result[half:-half][spans[:, 0] > with_rounding(usual_longest(spans[:, 0]), stamps)] = (
+            np.nan
+        )  # reaches over a gap
         return result
 
     return _delay(stamps, difference, rates, limit, piece)

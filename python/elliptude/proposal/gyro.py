@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from elliptude.bounds.gyro import longest_interval_of
+from elliptude.bounds.gyro import usual_longest, with_rounding
 from elliptude.bounds.turns import attitudes_from_rates
 from elliptude.proposal.statistics import PIECE_S, Quantiles, finite_rows, means_of_pieces, quantiles, rotations_of
 from elliptude.typing import FloatArray
@@ -95,8 +95,8 @@ def propose_gyro(
     """
     stamps, rates = np.asarray(times, dtype=np.float64), np.asarray(angular_velocities, dtype=np.float64)
     finite = finite_rows(rates)
-    longest = longest_interval_of(np.diff(stamps), None)
-    gaps = np.concatenate([[0], np.cumsum(np.diff(stamps) > longest)])
+    longest = usual_longest(np.diff(stamps))
+    gaps = np.concatenate([[0], np.cumsum(np.diff(stamps) > with_rounding(longest, stamps))])
     still = resting & finite
     bias = rates[still].mean(axis=0) if still.any() else None
     noise = spread = sums = None

@@ -25,7 +25,7 @@ from elliptude.io.readers.base import LogFile, require_columns
 from elliptude.io.readers.counted import ROW_TIME, CountedRows
 from elliptude.io.readers.open import LogSource
 from elliptude.io.readers.text.csv import CsvTable
-from elliptude.io.readers.text.dialect import TIME_HEADER, Dialect
+from elliptude.io.readers.text.dialect import ISO_STAMP, TIME_HEADER, Dialect
 from elliptude.io.readers.text.folder import CsvFolder
 from elliptude.io.toml import load_toml, validate
 from elliptude.logs import log, reference_attitudes
@@ -322,6 +322,9 @@ def unknown_units(columns: Sequence[str]) -> list[str]:
     return found
 
 
+_BARE_TIME = re.compile(r"t|time|date|date[ _]?time|time[ _]?stamp", re.IGNORECASE)
+
+
 def why_not_stated(columns: Sequence[str], of_day: Mapping[str, str]) -> str:
     """What headers lack to say by themselves which columns are which sensors, in words.
 
@@ -354,6 +357,8 @@ def why_not_stated(columns: Sequence[str], of_day: Mapping[str, str]) -> str:
     if sensors is not None and "gyroscope" not in sensors:
         lacks.append("a gyroscope's three axes with their unit, such as 'Gyroscope X (deg/s)'")
     rate = "" if times else "; if the rows come at a rate, --row-rate-hz says it"
+    if not times and (bare := [name for name in headers if _BARE_TIME.fullmatch(name)]):
+        rate += f"; without a unit {bare[0]!r} is read if it has dates and times of ISO 8601, such as {ISO_STAMP}"
     return f"no columns state {' or '.join(lacks)}{rate}"
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from elliptude.bounds.gyro import longest_interval_of
+from elliptude.bounds.gyro import covered_interval
 from elliptude.bounds.rest import noise_of, rest_rows, why_no_rest
 from elliptude.bounds.stamps import shift as shifted_back
 from elliptude.proposal.delays import DelayProposal, delay_of_rates, delay_of_vectors
@@ -113,7 +113,7 @@ def propose(recording: Recording, *, gravity: float = STANDARD_GRAVITY) -> Propo
         resting = rest_rows(times, rates, forces, **limits)
         no_rest = None if resting.any() else why_no_rest(times, rates, forces, **limits)
         # Whether the body rests across a gap is not known.
-        gaps = np.diff(times) > longest_interval_of(np.diff(times), None)
+        gaps = np.diff(times) > covered_interval(times, None)
         ends = _what_ends_the_rest(recording, resting, gaps, limits)
         resting[:-1] &= ~gaps
     # A constant bias says nothing about the delay.

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT, half_width
+from elliptude.report.breaks import pieces_between_gaps
 from elliptude.report.figures import (
     HEADING_COLOUR,
     TILT_COLOUR,
@@ -360,8 +361,9 @@ def _strip(run: Run, spells: list[Spell]) -> dict[str, Any]:
     """A lane for the claim, and one for each sensor that was left out."""
     traces: list[dict[str, Any]] = []
     lanes: list[str] = []
-    some = pieces(len(run.times), PIECES)
-    edges = np.append(run.times[[piece.start for piece in some]], run.times[-1])
+    bars_of = pieces_between_gaps(run, PIECES, float(run.times[-1]))
+    begins, ends = (np.array([getattr(piece, name) for piece in bars_of]) for name in ("begin", "end"))
+    some = [piece.rows for piece in bars_of]
 
     def bars(lane: str, words: Sequence[str], colours: Mapping[str, str], legend: Callable[[str], str]) -> None:
         lanes.append(lane)
@@ -374,8 +376,8 @@ def _strip(run: Run, spells: list[Spell]) -> dict[str, Any]:
                         "orientation": "h",
                         "name": legend(kind),
                         "y": [lane] * len(chosen),
-                        "base": _list(edges[chosen]),
-                        "x": _list(np.diff(edges)[chosen]),
+                        "base": _list(begins[chosen]),
+                        "x": _list((ends - begins)[chosen]),
                         "marker": {"color": colour, "line": {"width": 0}},
                         "hoverinfo": "name",
                     }

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 import elliptude
 from elliptude.io.files import replacing
 from elliptude.io.tables import Result
+from elliptude.report.breaks import alone
 from elliptude.report.thinning import spans_unknown
 from elliptude.typing import FloatArray
 
@@ -29,6 +30,8 @@ HEADING_COLOUR, TILT_COLOUR, SIZE_COLOUR = "#009E73", "#CC79A7", "#E69F00"
 UNKNOWN = "not known"
 SHADE: dict[str, Any] = {"facecolor": GREY, "alpha": 0.18, "linewidth": 0}
 """How pictures show where that is."""
+NO_SAMPLE = "no sample"
+GAP_SHADE: dict[str, Any] = SHADE | {"hatch": "////", "alpha": 0.35}
 CONDITIONAL = "rests on what was left out"
 CONDITIONAL_SHADE: dict[str, Any] = {"facecolor": ORANGE, "alpha": 0.13, "linewidth": 0}
 # A strong and a light tone for each run that is compared.
@@ -123,7 +126,8 @@ def draw_angle(panel: Axes, time: FloatArray, angles: FloatArray, true: FloatArr
             linewidth=0,
             label="" if around else "where it may be",
         )
-    panel.plot(broken[0], broken[1], color=BLUE, linewidth=1.1, label="as estimated")
+    draw_bands_alone(panel, broken[0], broken[2], broken[3])
+    panel.plot(broken[0], broken[1], color=BLUE, linewidth=1.1, label="as estimated", **marks_of(broken[1]))
     if true is not None and np.isfinite(true[:, i]).any():
         cut = cut_at_wraps(time, np.rad2deg(true[:, i]))
         # Dashed, so that the estimate is seen below it, and no error is taken for it.
@@ -135,6 +139,19 @@ def draw_angle(panel: Axes, time: FloatArray, angles: FloatArray, true: FloatArr
     panel.set_ylabel(f"{name} (deg)")
     if i == 0:
         panel.set_title("roll, pitch and yaw, and where the truth may be", fontsize=9.5)
+
+
+def marks_of(values: FloatArray) -> Style:
+    """How a curve is drawn that has numbers without any beside them: these are marked."""
+    single = alone(values).tolist()
+    return {"marker": "o", "markersize": 3.0, "markevery": single} if single else {}
+
+
+def draw_bands_alone(panel: Axes, time: FloatArray, lowest: FloatArray, highest: FloatArray) -> None:
+    """Bands of rows without any beside them, as lines: what is filled between one row and no other has no width."""
+    rows = alone(lowest)
+    if len(rows):
+        panel.vlines(time[rows], lowest[rows], highest[rows], color=BLUE, alpha=0.4, linewidth=1.5)
 
 
 def cut_at_wraps(time: FloatArray, value: FloatArray, *others: FloatArray) -> list[FloatArray]:

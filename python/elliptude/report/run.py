@@ -160,6 +160,10 @@ class Run:
     """How far the body may turn within the offset of the rows' stamps against others', rad, shape (N,); None: not."""
     origin: int = 0
     """The second of the recording's clock that the times count from."""
+    longest_step: float | None = None
+    """A longer step between rows, s, is a gap; None if nothing says it."""
+    in_gap: NDArray[np.bool_] | None = None
+    """Which rows are nothing in a gap, shape (N,), as `elliptude.report.breaks.broken` has them; None: none is."""
 
     @property
     def known(self) -> NDArray[np.bool_]:

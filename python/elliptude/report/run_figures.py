@@ -16,22 +16,29 @@ from numpy.typing import NDArray
 from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT, half_width
 from elliptude.monitoring import Monitored
 from elliptude.monitoring.monitor import QUESTIONS
+from elliptude.report.breaks import broken, gaps_of, pieces_between_gaps
 from elliptude.report.figures import (
     BLACK,
     BLUE,
+    GAP_SHADE,
     GREY,
     HEADING_COLOUR,
+    NO_SAMPLE,
     ORANGE,
     SHADE,
     TILT_COLOUR,
     UNKNOWN,
+    Style,
     begin_above,
+    draw_bands_alone,
     draw_roll_pitch_yaw,
     entitle,
     error_limit,
     legend_below,
+    marks_of,
     new_figure,
     plain_log_axis,
+    shade_spans,
     shade_unknown,
     true_roll_pitch_yaw,
 )
@@ -68,6 +75,7 @@ def angles_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
     -------
     Figure
     """
+    run = broken(run, gaps_of(run))
     assert run.roll_pitch_yaw is not None
     rows = chosen_rows(run, _MOST_PIECES)
     figure, panels, strip = _over_time(run, title, 3, 6.4)
@@ -92,6 +100,7 @@ def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
     -------
     Figure
     """
+    run = broken(run, gaps_of(run))
     rows = chosen_rows(run, _MOST_PIECES)
     shown = run.about_axes()
     time, bounds = run.times[rows], np.rad2deg(shown.half_widths[rows])
@@ -101,9 +110,10 @@ def bands_figure(run: Run, title: str, *, label: str = "truth") -> Figure:
     limit = error_limit(bounds, errors)
     for i, panel in enumerate(axes):
         panel.fill_between(time, -bounds[:, i], bounds[:, i], color=BLUE, alpha=0.22, linewidth=0, label="bound")
+        draw_bands_alone(panel, time, -bounds[:, i], bounds[:, i])
         # Lines, so that a band thinner than a pixel, or between two gaps, is visible too.
         for sign in (-1.0, 1.0):
-            panel.plot(time, sign * bounds[:, i], color=BLUE, linewidth=0.7)
+            panel.plot(time, sign * bounds[:, i], color=BLUE, linewidth=0.7, **marks_of(bounds[:, i]))
         if errors is not None:
             panel.plot(time, errors[:, i], color=BLACK, linewidth=0.8, label=f"error against {label}")
             outside = np.abs(errors[:, i]) - np.rad2deg(run.reference_error) > bounds[:, i]
@@ -147,6 +157,7 @@ def size_figure(run: Run, title: str) -> Figure:
     -------
     Figure
     """
+    run = broken(run, gaps_of(run))
     rows = chosen_rows(run, _MOST_PIECES)
     figure, (panel,), strip = _over_time(run, title, 1, 4.6)
     known = run.known[rows]
@@ -160,20 +171,24 @@ def size_figure(run: Run, title: str) -> Figure:
             linestyle=AXIS_LINES[i],
             linewidth=1.1,
             label=half_width(shown.names[i]),
+            **marks_of(widths),
         )
     largest = np.where(known, np.rad2deg(run.largest_angles[rows]), np.nan)
-    panel.plot(run.times[rows], largest, color=BLACK, linewidth=1.4, label=LARGEST_ANGLE)
+    style: Style = {"color": BLACK, "linewidth": 1.4, **marks_of(largest)}
+    panel.plot(run.times[rows], largest, label=LARGEST_ANGLE, **style)
     if headings is not None:
         heading = np.where(known, np.rad2deg(headings[rows]), np.nan)
-        panel.plot(run.times[rows], heading, color=HEADING_COLOUR, linewidth=1.1, linestyle="--", label=HEADING)
+        style = {"color": HEADING_COLOUR, "linewidth": 1.1, "linestyle": "--", **marks_of(heading)}
+        panel.plot(run.times[rows], heading, label=HEADING, **style)
     if run.tilt_bounds is not None:
         tilt = np.where(known, np.rad2deg(run.tilt_bounds[rows]), np.nan)
-        style = ":" if headings is None else "-"
-        panel.plot(run.times[rows], tilt, color=TILT_COLOUR, linewidth=1.1, linestyle=style, label=TILT)
+        style = {"color": TILT_COLOUR, "linewidth": 1.1, "linestyle": ":" if headings is None else "-"}
+        panel.plot(run.times[rows], tilt, label=TILT, **style, **marks_of(tilt))
     alone = run.up_alone[rows]
     if run.up_bounds is not None and alone.any():
         up = np.where(alone, np.rad2deg(run.up_bounds[rows]), np.nan)
-        panel.plot(run.times[rows], up, color=TILT_COLOUR, linewidth=1.4, linestyle=":", label="up alone")
+        style = {"color": TILT_COLOUR, "linewidth": 1.4, "linestyle": ":", **marks_of(up)}
+        panel.plot(run.times[rows], up, label="up alone", **style)
     panel.set_title("how far the attitude may be off" if headings is not None else "size of the set of attitudes")
     panel.title.set_fontsize(9.5)
     panel.set_ylabel("angle (deg)")
@@ -334,18 +349,22 @@ def _finish(
 
     ``known`` has the rows of each panel but the strip; those with a set if left out.
     """
-    handles, labels = list(handles), list(labels)
+    handles, labels, gaps = list(handles), list(labels), gaps_of(run)
     panels = [panel for panel in figure.axes if panel is not strip]
     known = [run.known] * len(panels) if known is None else known
     for panel, rows in zip(panels, known, strict=True):
         shade_unknown(panel, run.times, rows)
+        shade_spans(panel, gaps, NO_SAMPLE, GAP_SHADE)
+    if gaps:
+        handles.append(Patch(**GAP_SHADE))
+        labels.append(NO_SAMPLE)
     if not np.all(known):
         handles.append(Patch(**SHADE))
         labels.append(UNKNOWN)
     if strip is not None:
         names, lanes = _names(run), _lane_names(run)
-        some = pieces(len(run.times), _MOST_STRIP_PIECES)
-        edges = np.append(run.times[[piece.start for piece in some]], time_span(run.times)[1])
+        bars_of = pieces_between_gaps(run, _MOST_STRIP_PIECES, time_span(run.times)[1])
+        some = [piece.rows for piece in bars_of]
 
         def bars(
             lane: int,
@@ -355,7 +374,7 @@ def _finish(
             explained: Set[str] = frozenset(),
         ) -> None:
             for kind, colour in colours.items():
-                spans = [(edges[i], edges[i + 1] - edges[i]) for i, word in enumerate(words) if word == kind]
+                spans = [(p.begin, p.end - p.begin) for p, word in zip(bars_of, words, strict=True) if word == kind]
                 if spans:
                     strip.broken_barh(spans, (lane - 0.4, 0.8), facecolor=colour, linewidth=0)
                 if spans and kind not in explained:

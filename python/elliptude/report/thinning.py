@@ -155,7 +155,8 @@ def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
 
     From each piece of rows: the first one, those of the largest and the smallest set, those whose error is nearest to
     the edge of the band on each axis or farthest beyond it, the ones with the largest form and tilt, those of the
-    largest and the smallest roll, pitch and yaw, and the first one without a set.
+    largest and the smallest roll, pitch and yaw, and the first one without a set. And those of nothing in
+    gaps, with the rows beside them.
 
     Parameters
     ----------
@@ -166,7 +167,7 @@ def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
     Returns
     -------
     (K,) array
-        Increasing, K at most 17 times ``most``.
+        Increasing, K at most 17 times ``most``, and three for each gap.
     """
     count = len(run.times)
     if count <= most:
@@ -187,4 +188,7 @@ def chosen_rows(run: Run, most: int) -> NDArray[np.intp]:
     bins = np.arange(count) // some[0].stop
     gaps = largest_of_each(bins, is_gap)
     rows = [np.array([piece.start for piece in some]), gaps[is_gap[gaps]]]
+    if run.in_gap is not None:
+        in_gap = np.flatnonzero(run.in_gap)
+        rows += [in_gap - 1, in_gap, in_gap + 1]
     return np.unique(np.concatenate(rows + [largest_of_each(bins, score) for score in scores]))

@@ -1,6 +1,7 @@
 """From a recording to a calibration to sharper sets: the command, and what `estimate` makes of what it writes."""
 
 import json
+import tomllib
 
 import numpy as np
 import pytest
@@ -153,6 +154,21 @@ def test_a_rule_that_says_more_is_kept(folder):
     assert exact.correction_of(exact.directions[1]) is not None
     assert exact.calibrated_rule().accelerometer == small
     assert exact.calibrated_rule().magnetometer.averaged_error_ut < rule.magnetometer.averaged_error_ut
+
+
+def test_a_calibration_that_is_not_used_is_said(folder, tmp_path):
+    stated = read_configuration(folder / "calibrated.toml")
+    assert stated.calibrations_not_used() == {}
+    found = tomllib.loads((folder / "found.toml").read_text())
+    found["calibration"]["sensors"][0] |= {"error_m_per_s2": 0.9, "averaged_error_m_per_s2": 0.3034}
+    (tmp_path / "found.toml").write_text(tomlkit.dumps(found))
+    (tmp_path / "log.toml").write_text((folder / "calibrated.toml").read_text())
+    own = read_configuration(tmp_path / "log.toml").rule.rule().accelerometer.averaged_error_m_per_s2
+    said = f"the calibration of 'up' is not used: it leaves 0.303 m/s^2, the rule says {own:.3g} m/s^2"
+    done = run("estimate", folder / "log.npz", "--config", tmp_path / "log.toml", "--out", tmp_path / "out")
+    assert said in " ".join(done.output.split())
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["calibrations_not_used"] == [said]
+    assert f"warning: up: {said}" in " ".join(run("check", folder / "log.npz", tmp_path / "log.toml").output.split())
 
 
 def test_a_calibration_that_corrects_nothing_changes_no_statement(folder):

@@ -6,6 +6,10 @@ import elliptude as el
 import numpy as np
 import pytest
 from elliptude.configuration import rules
+from elliptude.io.files import FileError
+from elliptude.io.readers.base import require_columns
+from elliptude.io.readers.open import open_log
+from elliptude.io.readers.text.dialect import Stated
 from test_proposals import made
 from two_commands import HEADER, app, columns_of, succeed
 from typer.testing import CliRunner
@@ -159,3 +163,29 @@ def test_an_option_that_would_count_for_nothing(tmp_path, options, said):
     done = CliRunner().invoke(app(), ["bounds", str(log), *options], env={"COLUMNS": "300"})
     assert done.exit_code == 2, done.output
     assert f"Invalid value for {said}" in done.output
+
+
+def test_files_that_are_nearly_a_log(tmp_path):
+    """A format that is not read, times that are none of ISO 8601, a header that is one column: what would be read."""
+    for ending in ("json", "jsonl"):
+        path = tmp_path / f"log.{ending}"
+        path.write_text('{"t": 0}\n')
+        assert "JSON is not read, but CSV, Parquet, NPZ" in refuse("bounds", path)
+    header = ",".join(["time", *(f"Gyroscope {axis} (deg/s)" for axis in "XYZ")])
+    for stamp in ("23:59:50.{:03d}", "03/29/2026 00:59:50.{:03d}"):
+        path = tmp_path / "log.csv"
+        path.write_text("\n".join([header, *(f"{stamp.format(k)},0,0,0" for k in range(5))]))
+        iso = "ISO 8601, such as 2026-03-29T23:59:50.000"
+        assert f"without a unit 'time' is read if it has dates and times of {iso}" in refuse("bounds", path)
+        columns = header.removeprefix("time,")
+        said = refuse("bounds", path, "--time", "time", "--gyro", columns, "--gyro-unit", "deg/s")
+        named = "of dates and times those of ISO 8601 are read, such as 2026-03-29T23:59:50.000"
+        assert f"not a number: '{stamp.format(0)}'; {named}" in said
+    with pytest.raises(FileError, match=r"the whole header is one column, 't;x': csv\.delimiter says what separates"):
+        require_columns(open_log(one_column(tmp_path), Stated(delimiter=",")), ["t"])
+
+
+def one_column(folder):
+    path = folder / "one.csv"
+    path.write_text("t;x\n0;1\n1;2\n")
+    return path

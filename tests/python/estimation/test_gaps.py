@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import tomlkit
 from elliptude import estimation, logs
-from elliptude.bounds.gyro import GyroBounds, longest_interval_of
+from elliptude.bounds.gyro import GyroBounds, covered_interval
 from elliptude.bounds.stamps import time_offset_angles
 from elliptude.configuration import Configuration
 from elliptude.configuration.rules import apply_rule, hand_held
@@ -265,12 +265,64 @@ def test_rates_filled_in_between_samples_are_of_a_bias_that_has_drifted_since():
 # --- the bounds -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("unit", ["s", "ms", "us"])
+@pytest.mark.parametrize("since", [0, 1_700_000_000])
+def test_an_interval_as_long_as_the_longest_is_no_gap(unit, since):
+    """Stamps as a file has them; their differences are rounded."""
+    to_seconds = {"s": lambda us: us / 1e6, "ms": lambda us: (us // 1000) * 1e-3, "us": lambda us: us * 1e-6}[unit]
+    times = to_seconds(since * 10**6 + np.cumsum([4000, *([10_000] * 40 + [15_000]) * 20]))
+    steps = np.diff(times)
+    assert (steps > 0.015).any()
+    gyro = GyroBounds(0.1, longest_interval=covered_interval(times, 0.015))
+    assert not gyro.gaps(times, np.zeros((len(times), 3))).any()
+    # As the core sees them: one prediction after the other.
+    assert (steps <= gyro.longest_interval).all()
+    # A sample that is late by what a clock can say is a gap.
+    late = times.copy()
+    late[-1] += max(1e-7, 8.0 * np.spacing(times[-1]))
+    assert gyro.gaps(late, np.zeros((len(times), 3))).sum() == 1
+    # Without a statement, too, and if most steps are that long.
+    unstated = GyroBounds(0.1, longest_interval=covered_interval(times, None))
+    assert not unstated.gaps(times, np.zeros((len(times), 3))).any()
+    even = to_seconds(since * 10**6 + 15_000 * np.arange(100))
+    assert covered_interval(even, 0.015) >= np.diff(even).max()
+
+
+def test_estimate_counts_no_gap_for_intervals_of_the_longest_length(tmp_path):
+    log = gyro_log()
+    step = float(np.median(np.diff(log.times)))
+    thinned = np.ones(len(log.times), dtype=bool)
+    thinned[3::7] = False
+    arrays = ("times", "directions", "references", "rates", "true_attitudes")
+    log = dataclasses.replace(log, **{name: getattr(log, name)[thinned] for name in arrays})
+    longest = round(2.0 * step, 9)
+    assert (np.diff(log.times) > longest).any()
+    flow = {"noise_deg_per_s": 1.0, "longest_interval_s": longest}
+    estimated = estimation.estimate(log, configured(flow))
+    assert estimation.summarize(estimated, configured(flow))["gaps"]["count"] == 0
+    assert estimation.summarize(estimated, configured(flow))["gaps"]["longest_interval_s"] == longest
+
+
+def test_rows_without_a_set_to_the_end_are_not_until_there_is_one_again():
+    log = gyro_log(4, 160, noise=0.001)
+    log.directions[1:, 1] = np.nan
+    log, configuration = without(log, (3.0, 4.2)), configured({"noise_deg_per_s": np.rad2deg(0.001)})
+    estimated = estimation.estimate(log, configuration)
+    (gap,) = estimated.guaranteed.gaps
+    assert gap.is_for_good
+    summary = gaps.summarize(estimated.guaranteed.gaps, estimated.guaranteed.rows.gyro)
+    assert summary["set_again"] is summary["listed"][0]["set_again"] is False
+    rows = len(log.times) - 61
+    assert summary["said"][0].endswith(f"{rows} rows in all without a set; there is none again to the end")
+    assert summary["said"][1].endswith(f"attitude forgotten, {rows} rows without a set; there is none again to the end")
+
+
 def test_the_longest_interval():
-    steps = np.array([0.01] * 9 + [0.3])
-    assert longest_interval_of(steps, None) == pytest.approx(0.015)
-    assert longest_interval_of(steps, 0.2) == 0.2
+    times = np.cumsum([0.0] + [0.01] * 9 + [0.3])
+    assert covered_interval(times, None) == pytest.approx(0.015)
+    assert covered_interval(times, 0.2) == pytest.approx(0.2)
     with pytest.raises(ValueError, match=r"samples are 0\.01 s apart, but its error bounds speak of at most 0\.005 s"):
-        longest_interval_of(steps, 0.005)
+        covered_interval(times, 0.005)
     for name, value in (("longest_interval", 0.0), ("longest_interval", np.nan), ("largest_rate", -1.0)):
         with pytest.raises(ValueError, match=f"{name} must be"):
             GyroBounds(0.1, **{name: value})

@@ -596,3 +596,43 @@ def test_attitudes_that_turn_otherwise_are_not_misread():
     assert misread(some[:100], some[:100] * Rotation.from_rotvec(turns), turns, choices) is None
     inverse = misread(some[:100].inv(), (some[:100] * Rotation.from_rotvec(turns)).inv(), turns, choices)
     assert inverse.fitting == "as turns = 'reference_to_body' (it takes vectors from reference to body axes)"
+
+
+# --- an accelerometer in another unit ---------------------------------------------------------------------------------
+
+
+def test_an_accelerometer_in_another_unit_is_named_before_the_field_that_it_voids(tmp_path):
+    """Its header says g, and it shows m/s²: also once the unit is mended, but not what was proposed with it."""
+    sensors = recording()
+    header = ["Time (s)", *(f"Gyroscope {axis} (rad/s)" for axis in "XYZ")]
+    header += [*(f"Accelerometer {axis} (g)" for axis in "XYZ"), *(f"Magnetometer {axis} (uT)" for axis in "XYZ")]
+    log, config, out = tmp_path / "log.csv", tmp_path / "log.toml", tmp_path / "out"
+    rows = np.column_stack([sensors[name] for name in ("t", "gyr", "acc", "mag")])
+    np.savetxt(log, rows, delimiter=",", header=",".join(header), comments="")
+    assert run("bounds", log, "--out", config).exit_code == 0
+    done = run("estimate", log, "--config", config, "--out", out)
+    assert done.exit_code == 1
+    named = "'up' shows 96.2 m/s^2, 9.81 times gravity: is its unit right?"
+    assert words(done).index(named) < words(done).index("the magnetometer")
+    assert "run `elliptude bounds` again" in words(done)
+    config.write_text(config.read_text().replace('unit = "g"', 'unit = "m/s^2"'))
+    done = run("estimate", log, "--config", config, "--out", out)
+    assert done.exit_code == 1
+    said = words(done)
+    assert "times gravity" not in said
+    assert said.index("is more than gravity, so that up may be anywhere") < said.index("the magnetometer")
+    assert "run `elliptude bounds` again" in said
+    checked = words(run("check", log, config))
+    assert "averaged_error_m_per_s2 = 104" in checked
+    assert checked.count("run `elliptude bounds` again") == 3
+    # And that helps.
+    assert run("bounds", log, "--out", config, "--force", *NAMED).exit_code == 0
+    assert run("estimate", log, "--config", config, "--out", out).exit_code == 0
+
+
+NAMED = [
+    *("--time", "Time (s)", "--gyro", "Gyroscope X (rad/s),Gyroscope Y (rad/s),Gyroscope Z (rad/s)"),
+    *("--accelerometer", "Accelerometer X (g),Accelerometer Y (g),Accelerometer Z (g)"),
+    *("--magnetometer", "Magnetometer X (uT),Magnetometer Y (uT),Magnetometer Z (uT)"),
+    *("--gyro-unit", "rad/s", "--accelerometer-unit", "m/s^2", "--magnetometer-unit", "uT"),
+]

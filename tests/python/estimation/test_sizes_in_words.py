@@ -108,3 +108,11 @@ def test_the_summary_counts_rows_with_a_tilt_above_the_set(estimated):
     summary = json.loads((estimated[0] / "out" / "summary.json").read_text())
     assert summary["tilt_beyond_set_rows"] == 0
     assert summary["sizes"]["all"]["largest_angle_deg"]["max"] == pytest.approx(summary["largest_angle_deg"]["max"])
+
+
+@pytest.mark.parametrize(("count", "said"), [(1, "1 row"), (2, "2 rows")])
+def test_one_row_is_a_row(count, said):
+    part = {"with_set": count, "largest_angle_deg": {"mean": 1.0, "max": 1.0}}
+    part |= {"tilt_bound_deg": None, "heading_bound_deg": None}
+    part["half_width_reference_deg"] = {"mean": [0.1] * 3, "max": [0.2] * 3}
+    assert sizes_in_words.lines({"all": part}, ("X", "Y", "Z"))[0].endswith(f"all, {said}")

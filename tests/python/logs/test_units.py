@@ -327,3 +327,15 @@ def test_a_spacecraft_is_read_once_in_a_second():
     # 100 Hz read as ms, however the stamps are rounded; the fastest gyro is read at 32 kHz.
     assert odd_step(np.full(10, np.nextafter(1e-5, 1.0)), configuration)
     assert odd_step(np.full(10, 1.0 / 32000.0), configuration) == ""
+
+
+@pytest.mark.parametrize("factor", [2.5, 5.0, 10.0, 20.0, 30.0])
+def test_stamps_that_are_too_near_are_suspicious(tmp_path, factor):
+    """A wrong unit, or a rate of rows that is too high: noise is large beside each step's turn."""
+    log = written(tmp_path, arrays({"t": 1.0 / factor}))
+    config = tmp_path / "config.toml"
+    status, said = run("bounds", log, *named(), "--out", config)
+    assert status == 0
+    times = re.search(r"suspicious: field: turns ([\d.]+) times as far as the rate says, as if its stamps were", said)
+    assert float(times[1]) == pytest.approx(factor, rel=0.1)
+    assert "warning: field: turns" in run("check", log, config)[1]

@@ -713,3 +713,25 @@ def test_a_short_reason_is_said_again():
     assert once(("c", "d"), long) == "for the reason of a.b"
     assert once(("a", "b"), long) == long
     assert once(("e", "f"), "of its own") == "of its own"
+
+
+def test_the_numbers_to_check_are_those_of_the_file(tmp_path):
+    """Without a rest each sensor states its own bounds, and what `bounds` lists is in the file, as it is there."""
+    full = made()
+    late = full.times >= 10.0
+    log, out = tmp_path / "log.npz", tmp_path / "out.toml"
+    write_npz(log, full, rows=late & (full.times < 30.0))
+    said = succeed("bounds", log, "--like", "broad", "--no-reference", "--out", out)
+    said = said[said.index("What sets will rest on") :]
+    listed = dict(re.findall(r"^  (\S+) = (.*)$", said, re.M))
+    file = tomllib.loads(out.read_text())
+    assert "rule" not in file
+    assert not any(name.startswith("rest.") for name in listed)
+    assert {"flow.bias_deg_per_s", "up.sensor_error.error_m_per_s2", "up.bound_from.velocity_m_per_s"} <= listed.keys()
+    sensors = {sensor["name"]: sensor for sensor in file["directions"]}
+    for name, number in listed.items():
+        place = file | sensors
+        for key in name.split("."):
+            place = place[key]
+        values = place if isinstance(place, list) else [place]
+        assert number == ", ".join(f"{value:g}" for value in values), name

@@ -205,8 +205,6 @@ def test_quaternions_that_are_misread(tmp_path, result):
         tomlkit.dumps(
             {
                 "time_column": "t",
-                "flow": {"kind": "gyro", "columns": ["w[0]", "w[1]", "w[2]"], "noise_deg_per_s": 1.0},
-                "estimator": {"mode": "guaranteed"},
                 "truth": {
                     "attitude_columns": [f"q[{i}]" for i in range(4)],
                     "order": "xyzw",
@@ -218,6 +216,28 @@ def test_quaternions_that_are_misread(tmp_path, result):
     read = run(table, "--estimate", tmp_path / "other.npz", "--estimate-config", tmp_path / "other.toml", "--json")
     assert read.exit_code == 0, read.output
     assert json.loads(read.stdout)["estimate_misread"] is None
+    compared = CliRunner().invoke(
+        cli.make_app(), ["compare", str(table), str(tmp_path / "other.npz"), "--config", str(tmp_path / "other.toml")]
+    )
+    assert compared.exit_code == 0, compared.output
+    # What is there is checked as ever.
+    text = (tmp_path / "other.toml").read_text()
+    (tmp_path / "other.toml").write_text(text.replace("xyzw", "zyxw"))
+    wrong = run(table, "--estimate", tmp_path / "other.npz", "--estimate-config", tmp_path / "other.toml")
+    assert wrong.exit_code == 1
+    assert "truth.order" in wrong.output
+
+
+@pytest.mark.parametrize("frame", ["NED", "NWU"])
+def test_compare_names_the_frame_that_a_reference_is_in(tmp_path, result, frame):
+    table, times, centers = result
+    turn = Rotation.from_matrix(monitored.frame_to_frame("ENU", frame))
+    path = write_estimate(tmp_path / "other.csv", times, turn * centers)
+    done = CliRunner().invoke(cli.make_app(), ["compare", str(table), str(path)])
+    assert f"as {frame}, which the sets are not: the reference frames differ" in " ".join(done.output.split())
+    assert f"--frame ENU --estimate-frame {frame}" in " ".join(done.output.split())
+    same = CliRunner().invoke(cli.make_app(), ["compare", str(table), str(write_estimate(path, times, centers))])
+    assert "reference frames" not in same.output
 
 
 def test_estimates_at_other_times(tmp_path, result):

@@ -4,7 +4,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import typer
 from rich import box
@@ -14,16 +14,19 @@ from rich.table import Table
 from elliptude.cli.options import LOG_HELP, Force, LargestGap, ReferenceErrorDeg, TruthConfig, quantity, reference_error
 from elliptude.cli.outputs import print_table, require_outputs
 from elliptude.cli.progress import steps
-from elliptude.configuration.configuration import read_configuration
+from elliptude.configuration.configuration import read_configuration_of_truth
 from elliptude.io.files import FileError
 from elliptude.io.spool import recording
 from elliptude.logs.quaternion_readings import not_as_declared, readings_of
-from elliptude.logs.reference_attitudes import read_reference
-from elliptude.report import comparison
+from elliptude.logs.reference_attitudes import Reference, read_reference
+from elliptude.report import comparison, monitored
 from elliptude.report.estimated.reading import files_of_run, read_run
+from elliptude.report.run import Run
 
 # s; a shorter time between two attitudes than rows have between them, and a longer one than a recording lasts.
 _SHORTEST_DELTA_S, _LONGEST_DELTA_S = 1e-3, 1e6
+# Shares of rows inside, below and above which another frame is more likely than a wrong set.
+_MOST_OUTSIDE, _MOST_INSIDE = 0.5, 0.9
 
 
 def compare(
@@ -89,7 +92,7 @@ def compare(
         files = [tum / name for name in ("estimate.tum", "reference.tum")]
         require_outputs(files, force=force, folder=tum, read=[*files_of_run(result), reference, config])
     other = recording(reference)
-    configuration = None if config is None else read_configuration(config)
+    configuration = None if config is None else read_configuration_of_truth(config)
     error_deg, source = reference_error(reference_error_deg, configuration)
     with steps(Console(stderr=True), 3) as step:
         step("Reading the result")
@@ -110,6 +113,7 @@ def compare(
             # Frames that are aligned may be any: turns alone show how the columns are to be read.
             turned = run if align == "none" else replace(run, heading_from_start=True)
             misread = comparison.misread_reference(turned, attitudes, choices, largest_gap=largest_gap_s)
+            hint = None if align != "none" else _hint(run, compared, attitudes, largest_gap_s, math.radians(error_deg))
             summary = compared.to_dict()
             if delta_rows is not None or delta_s is not None:
                 summary["relative"] = comparison.relative_figures(
@@ -128,16 +132,42 @@ def compare(
             "reference_error_deg": error_deg,
             "reference_error_from": source,
             "reference_misread": misread,
+            "hint": hint,
         }
         typer.echo(json.dumps(head | summary, indent=2, ensure_ascii=False, allow_nan=False))
     else:
         typer.echo(f"{result} against {other}: {len(compared.times)} of {compared.rows} rows compared")
         _say(summary, error_deg, source)
+        if hint is not None:
+            typer.secho(hint, fg=typer.colors.YELLOW)
         for path in written:
             typer.echo(f"  {path}")
     if (fault := _fault(compared, misread)) is not None:
         typer.secho(fault, err=True, fg=typer.colors.RED)
         raise typer.Exit(1)
+
+
+def _hint(
+    run: Run, compared: comparison.Comparison, reference: Reference, largest_gap: float, error: float
+) -> str | None:
+    """That the reference is probably in another frame than the sets, if most of them exclude it and then do not."""
+    if compared.inside is None or compared.inside.mean() >= _MOST_OUTSIDE:
+        return None
+    frames: tuple[monitored.GroundFrame, ...] = get_args(monitored.GroundFrame)
+    of_sets = next((frame for frame in frames if frame == (run.frame or "ENU")), None)
+    if of_sets is None:
+        return None
+    for frame in frames:
+        turn = monitored.frame_to_frame(frame, of_sets)
+        turned = monitored.in_frame(reference, turn)
+        found = comparison.compare(run, turned, largest_gap=largest_gap, reference_error=error)
+        if found.inside is not None and found.inside.mean() > _MOST_INSIDE:
+            return (
+                f"the reference is outside most sets, and inside {100.0 * found.inside.mean():.3g} % of them as "
+                f"{frame}, which the sets are not: the reference frames differ. `elliptude monitor` turns it, with "
+                f"--frame {of_sets} --estimate-frame {frame}; --align origin compares without saying inside or outside"
+            )
+    return None
 
 
 def _fault(compared: comparison.Comparison, misread: str | None) -> str | None:

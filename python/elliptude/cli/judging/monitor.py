@@ -15,7 +15,7 @@ from rich.table import Table
 from elliptude.cli.options import LOG_HELP, EstimateLargestGap, Force, SummaryAsJson, quantity
 from elliptude.cli.outputs import SUMMARY, print_table, require_outputs
 from elliptude.cli.progress import steps
-from elliptude.configuration.configuration import Configuration, read_configuration
+from elliptude.configuration.configuration import Configuration, read_configuration, read_configuration_of_truth
 from elliptude.estimation.estimator import PieceEstimator
 from elliptude.io.background import ahead
 from elliptude.io.column_files import write_columns
@@ -108,7 +108,7 @@ def monitor(
         step("Estimating the sets")
         run, configuration = _judge(source, config)
         frame = _frame_of_sets(frame, configuration)
-        described = None if estimate_config is None else read_configuration(estimate_config)
+        described = None if estimate_config is None else read_configuration_of_truth(estimate_config)
         truth = None if described is None else described.truth
         choices = readings_of(truth)
         step("Reading the estimate")

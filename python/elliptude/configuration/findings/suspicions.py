@@ -42,6 +42,9 @@ class _Usual:
 
 _TOO_GOOD = "no small sensor is so good, and sets that rest on it are too small"
 _ANOTHER_UNIT = "is its unit right?"
+_RUN_AGAIN = "if it was proposed while the unit was wrong, run `elliptude bounds` again"
+# How many times gravity an accelerometer shows whose g are m/s², or the other way round, moved and uncalibrated.
+_LEAST_IN_ANOTHER_UNIT, _MOST_IN_ANOTHER_UNIT = 5.0, 15.0
 # By table and key of a rule. With a least of 0, zero is not suspicious.
 _USUAL: Mapping[tuple[str, str], _Usual] = {
     ("gyro", "noise_deg_per_s"): _Usual(10.0, _ANOTHER_UNIT, 1e-3, _TOO_GOOD),
@@ -176,6 +179,35 @@ def _of_reference(sensor: Magnetometer, field: FloatArray) -> list[Finding]:
     return [_suspicious(sensor.name, said)] if is_odd else []
 
 
+def before_a_rules_refusal(rule: rules.Rule, sensor: str, forces: FloatArray) -> str:
+    """What is wrong with an accelerometer for which nothing can follow from a rule, as words before what failed.
+
+    Parameters
+    ----------
+    rule : Rule
+    sensor : str
+        Its name.
+    forces : (N, 3) array
+        What it shows, m/s²; NaN where it shows nothing.
+    """
+    lengths = np.linalg.norm(forces, axis=1)
+    if not np.isfinite(lengths).any():
+        return ""
+    length, stated = float(np.nanmedian(lengths)), rule.accelerometer
+    times, said = length / stated.gravity_m_per_s2, ""
+    if 1.0 / _MOST_IN_ANOTHER_UNIT <= times <= 1.0 / _LEAST_IN_ANOTHER_UNIT or (
+        _LEAST_IN_ANOTHER_UNIT <= times <= _MOST_IN_ANOTHER_UNIT
+    ):
+        said = f"{sensor!r} shows {length:.3g} m/s^2, {times:.3g} times gravity: is its unit right? "
+    error = stated.averaged_error_m_per_s2
+    if error >= stated.gravity_m_per_s2:
+        said += (
+            f"accelerometer.averaged_error_m_per_s2 = {error:.4g} of the rule is more than gravity, so that up may be "
+            f"anywhere: {_RUN_AGAIN}. "
+        )
+    return f"{said}What follows is because of that: " if said else ""
+
+
 def of_duration(gyro: Mapping[str, Any], lasted: float, carried: Carried = "hand") -> list[Finding]:
     """What is suspicious of a recording that lasts longer than the rules of the package are for.
 
@@ -238,6 +270,8 @@ def _of_table(table: str, numbers: Mapping[str, Any], sensor: str, stated: str, 
         compared = f"{stated} is {key} = {value:.4g}, {{}} that of the rule for a sensor {where}, {standard:g}"
         if value > usual.most * standard:
             meaning = usual.meaning if carried == "hand" else _ANOTHER_UNIT
+            if table == "accelerometer" and stated != "proposed" and value >= STANDARD_GRAVITY:
+                meaning += f" It is more than gravity: {_RUN_AGAIN}"
             yield _suspicious(sensor, f"{compared.format(f'{value / standard:.3g} times')}: {meaning}")
         elif value < usual.least * standard:
             how = "against" if value == 0.0 else f"{value / standard:.1e} of"

@@ -122,7 +122,10 @@ def require_columns(file: LogFile, names: Sequence[str]) -> None:
     """
     for name in names:
         if file.columns.count(name) != 1:
-            there_are = f"the columns are {', '.join(file.columns)}" if file.columns else "it has no columns"
+            listed = [repr(one) if set(one) & set(",;|\t") else one for one in file.columns]
+            there_are = f"the columns are {', '.join(listed)}" if listed else "it has no columns"
+            if len(listed) == 1 and listed != list(file.columns):
+                there_are = f"the whole header is one column, {listed[0]}: csv.delimiter says what separates columns"
             there_are = there_are if len(there_are) <= 320 else f"{there_are[:316]} ..."
             fault = "two columns" if name in file.columns else "no column"
             meant = "" if name in file.columns else did_you_mean(name, file.columns)

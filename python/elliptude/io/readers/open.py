@@ -79,5 +79,10 @@ def _opened(path: os.PathLike[str], stated: Stated, *, lenient: bool) -> LogFile
             return UlogFile(path)
         case ".bag" | ".mcap" | ".db3":
             return BagFile(path)
+        case ".json" | ".jsonl" | ".ndjson":
+            raise FileError(
+                f"{path}: JSON is not read, but CSV, Parquet, NPZ, MATLAB's files, HDF5, ULogs and ROS bags are; "
+                "pandas writes CSV: pandas.read_json(...).to_csv(..., index=False)"
+            )
         case _:
             return open_table(path, stated, lenient=lenient)

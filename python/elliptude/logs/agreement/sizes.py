@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from elliptude import units
+from elliptude.bounds.gyro import with_rounding
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.findings.finding import Finding, Key, Remedy, Said, Severity
 from elliptude.configuration.findings.suspicions import stated_gravity
@@ -130,7 +131,7 @@ def _covers(configuration: Configuration, step: float) -> bool:
         longest = configuration.rule.rule().gyro.longest_interval_s
     else:
         longest = configuration.flow.longest_interval_s if isinstance(configuration.flow, GyroFlow) else None
-    return longest is not None and step <= longest
+    return longest is not None and step <= with_rounding(longest, np.array([step]))
 
 
 def _odd_force(median: float, sensor: Accelerometer, gravity: float) -> Said:

@@ -30,6 +30,8 @@ _STILL = 0.02
 # rad/s; a gyro at rest may show this much (datasheets of small ones: 5 deg/s).
 _LARGEST_BIAS = np.radians(5.0)
 _LEFT_BY_ROUNDING = 1e-9
+# A slope that no scale error and no bias makes of 1.
+_FAR_FROM_ONE = 2.0
 # Relative scatter of an accelerometer's length about its median, below which it shows gravity alone.
 _GRAVITY_ALONE = 0.03
 
@@ -166,6 +168,10 @@ def gyro_against_direction(
         mean = float(np.linalg.norm(turn.sum(axis=0)) / (ends - begins).sum())
         if said := _at_rest_in_degrees(changes, predicted, middles * (ends - begins)[:, None], mean):
             return WrongUnit("error", name, (said, unit_of_rates(configuration, "deg/s")))
+    if value > _FAR_FROM_ONE and error < STANDARD_ERROR * value:
+        # Stamps so close that noise is large beside a step's turn; of a large slope it is little.
+        why = "as if its stamps were as many times too near: are the units of time and of the gyro right, or the rate?"
+        return Finding("warning", name, f"turns {value:.2g} times as far as the rate says, {why}")
     if error >= STANDARD_ERROR:
         return "unknown"
     severity: Severity = "warning" if is_accelerometer else "error"

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elliptude import units
+from elliptude.bounds.gyro import with_rounding
 from elliptude.configuration.sensors import Timing
 from elliptude.io.files import FileError
 from elliptude.io.readers.base import Batch, LogFile
@@ -247,9 +248,9 @@ def _take_samples(rows: _Rows, clock: Clock, channel: Channel, stamps: _Stamps) 
     limit = rows.timing.largest_gap_s
     if channel.fill != "none" and limit is not None:
         gaps = np.diff(times, prepend=channel.last_time if np.isfinite(channel.last_time) else times[0])
-        too_long = np.zeros(len(measured), bool)
-        too_long[at] = gaps > limit
-        gap = f"{gaps[np.argmax(gaps > limit)]:.6g} s after the sample of {channel.name} before it"
+        too_long, is_longer = np.zeros(len(measured), bool), gaps > with_rounding(limit, times)
+        too_long[at] = is_longer
+        gap = f"{gaps[np.argmax(is_longer)]:.6g} s after the sample of {channel.name} before it"
         rows.refuse(too_long, columns[0], f"{gap}, more than timing.largest_gap_s = {limit:g}")
     channel.last_time = float(times[-1])
     channel.times.append(times - clock.delay)

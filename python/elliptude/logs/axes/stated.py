@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from elliptude import units
-from elliptude.bounds.gyro import GyroBounds, longest_interval_of
+from elliptude.bounds.gyro import GyroBounds, covered_interval
 from elliptude.bounds.rest import mean_over_time
 from elliptude.bounds.windows import MotionBounds
 from elliptude.configuration.configuration import Configuration
@@ -69,7 +69,7 @@ class Stated:
         is_first = self._began is None
         self._began = begin if self._began is None else self._began
         try:
-            longest = longest_interval_of(np.diff(samples), self._longest_interval())
+            longest = covered_interval(samples, self._longest_interval())
             if is_first and self._configuration.rule is not None:
                 self._rest = self._bias_at_rest(log)
         except ValueError:
@@ -140,7 +140,7 @@ class Stated:
             return vectors, VectorStatement(lambda _: away, 0.0, 0.0, 0.0, offset, length=1.0)
         if isinstance(sensor, Accelerometer):
             samples = log.times[log.gyro_rows]
-            longest = longest_interval_of(np.diff(samples), self._longest_interval())
+            longest = covered_interval(samples, self._longest_interval())
             return vectors, self._force(sensor, offset, moved, longest)
         assert isinstance(sensor, Magnetometer)
         statement = self._field(sensor, offset, moved, vectors / _MICROTESLA)
@@ -174,6 +174,8 @@ class Stated:
 
     def _gyro(self, flow: GyroFlow, longest: float) -> GyroBounds:
         bounds, start = flow.bounds(), self._configuration.start
+        if flow.longest_interval_s is not None:
+            bounds = replace(bounds, longest_interval=longest)
         if self._configuration.estimator.mode != "guaranteed":
             # There the bias is stated by the start.
             started = 0.0
@@ -195,7 +197,7 @@ class Stated:
         assert log.rates is not None
         rows = log.gyro_rows
         forces = log.directions[rows, configuration.directions.index(accelerometer)]
-        longest = longest_interval_of(np.diff(log.times[rows]), rule.gyro.longest_interval_s)
+        longest = covered_interval(log.times[rows], rule.gyro.longest_interval_s)
         gyro = replace(rule.gyro_bounds(), longest_interval=longest)
         rest = rest_at_start(rule.rest, log.times[rows], log.rates[rows], forces, gyro)
         stamps = log.times[rows][rest]

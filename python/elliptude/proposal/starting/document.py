@@ -1,7 +1,7 @@
 """Writes a proposed configuration as TOML, with a comment on where each number comes from."""
 
-from collections.abc import Collection
-from typing import TypeAlias
+from collections.abc import Collection, Iterator
+from typing import Any, TypeAlias
 
 import tomlkit
 
@@ -105,3 +105,47 @@ def _section(table: Tables, place: Place, comments: dict[Place, str], once: Once
         if key in deeper:
             section.add(key, _section(table[key], (*place, key), comments, once))
     return section
+
+
+_IN_SENSOR: dict[str, tuple[str, ...]] = {
+    "accelerometer": ("sensor_error", "bound_from"),
+    "motion": ("bound_from",),
+    "magnetometer": ("sensor_error", "bound_from"),
+}
+
+
+def statements_in(document: tomlkit.TOMLDocument, of_rule: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The numbers of a file in which each sensor states its own bounds that a rule's would be, as they stand there.
+
+    Parameters
+    ----------
+    document : tomlkit.TOMLDocument
+        What `document_of` returns.
+    of_rule : list of dict
+        The numbers of the rule, as `elliptude.proposal.proposed_rule.statements_of` has them.
+
+    Returns
+    -------
+    list of dict
+        Likewise, with the table in the file as ``in_file``; those that are not in the file are left out.
+    """
+    found = []
+    for one in of_rule:
+        for place, section in _sections_of(document, one["table"]):
+            if one["key"] in section:
+                value = section[one["key"]]
+                comment = value.trivia.comment.lstrip("# ")
+                found.append(one | {"value": value.unwrap(), "how": comment or one["how"], "in_file": place})
+    return found
+
+
+def _sections_of(document: tomlkit.TOMLDocument, table: str) -> Iterator[tuple[str, Any]]:
+    """The tables of a file, and what they are called, that have numbers of a rule's table."""
+    if table == "gyro" and "flow" in document:
+        yield "flow", document["flow"]
+    kind = "accelerometer" if table == "motion" else table
+    for sensor in document.get("directions", []):
+        if sensor.get("kind") == kind:
+            for name in _IN_SENSOR[table]:
+                if name in sensor:
+                    yield f"{sensor['name']}.{name}", sensor[name]

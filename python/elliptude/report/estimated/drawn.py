@@ -7,13 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from elliptude.report.estimated.stored import MeasuredSensor
-from elliptude.report.figures import BLACK, SHADE, Style, entitle, legend_below, new_figure, shade_spans
+from elliptude.report.figures import BLACK, GAP_SHADE, NO_SAMPLE, Style, entitle, legend_below, new_figure, shade_spans
 from elliptude.report.run import Run
 from elliptude.report.run_figures import AXIS_COLOURS, time_span
 
-NO_SAMPLE = "no sample"
 LEFT_OUT = "left out"
-GAP_SHADE = SHADE | {"hatch": "////", "alpha": 0.35}
 
 
 def measured_figure(run: Run, title: str) -> Figure:

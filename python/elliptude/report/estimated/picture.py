@@ -12,27 +12,33 @@ from matplotlib.gridspec import GridSpec
 from elliptude.bounds.angles.about_axes import ErrorAxes, about_axes
 from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT
 from elliptude.io.tables import Result
-from elliptude.report.estimated.drawn import LEFT_OUT, NO_SAMPLE, begin_measured, draw_measured
+from elliptude.report.breaks import broken
+from elliptude.report.estimated.drawn import LEFT_OUT, begin_measured, draw_measured
 from elliptude.report.estimated.stored import MeasuredSensor
 from elliptude.report.figures import (
     BLACK,
     BLUE,
     CONDITIONAL,
+    GAP_SHADE,
     GREY,
     HEADING_COLOUR,
+    NO_SAMPLE,
     SIZE_COLOUR,
     TILT_COLOUR,
     UNKNOWN,
     Style,
     begin_above,
     draw_angle,
+    draw_bands_alone,
     draw_bound_used,
     entitle,
     error_limit,
     legend_below,
+    marks_of,
     new_figure,
     plain_log_axis,
     shade_conditional,
+    shade_spans,
     shade_unknown,
     true_roll_pitch_yaw,
 )
@@ -55,6 +61,7 @@ def estimate_figure(
     heading_from_start: bool = False,
     proposed_from: str | None = None,
     measured: Sequence[MeasuredSensor] = (),
+    gaps: Sequence[tuple[float, float]] = (),
 ) -> Figure:
     """The attitude with its bounds; how far it may be off, and is; the share inside; what the sensors measured.
 
@@ -79,11 +86,14 @@ def estimate_figure(
         The recording that the bounds are proposed from, if they are proposals.
     measured : sequence of MeasuredSensor
         A panel for each.
+    gaps : sequence of (float, float)
+        From and to which time, s, there is no row; no curve goes on there.
 
     Returns
     -------
     Figure
     """
+    result = broken(result, list(gaps))
     grid = _Rows(
         [
             *_angle_rows(result, label),
@@ -96,6 +106,8 @@ def estimate_figure(
     grid.rows += [[one] for one in last] if is_wide else [last]
     grid.rows += [[partial(_draw_sensor, sensor=one, is_first=i == 0)] for i, one in enumerate(measured)]
     figure = grid.draw(title, proposed_from)
+    for panel in figure.axes[: len(figure.axes) - len(measured)]:
+        shade_spans(panel, gaps, NO_SAMPLE, GAP_SHADE)
     if len(result.times) > 1:  # also where nothing is known
         figure.axes[0].set_xlim(float(result.times[0]), float(result.times[-1]))
     figure.align_ylabels()
@@ -273,8 +285,10 @@ def _draw_band(panel: Axes, time: FloatArray, column: _ErrorColumn, i: int, labe
     limit = error_limit(column.bounds, column.errors)
     bound = column.bounds[:, i]
     panel.fill_between(time, -bound, bound, color=BLUE, alpha=0.22, linewidth=0, label="where it may be")
+    draw_bands_alone(panel, time, -bound, bound)
     if column.errors is not None:
-        panel.plot(time, column.errors[:, i], color=BLACK, linewidth=0.9, label=f"error against {label}", **marks)
+        style = marks or marks_of(column.errors[:, i])
+        panel.plot(time, column.errors[:, i], color=BLACK, linewidth=0.9, label=f"error against {label}", **style)
     panel.axhline(0.0, color=GREY, linewidth=0.5)
     panel.set_ylim(-limit, limit)
     panel.set_ylabel(column.labels[i])
@@ -285,8 +299,8 @@ def _draw_band(panel: Axes, time: FloatArray, column: _ErrorColumn, i: int, labe
 def _draw_bounds(panel: Axes, time: FloatArray, column: _ErrorColumn, **marks: Any) -> None:
     """How far the error may reach about each axis, in one panel."""
     for i, (label, colour, style) in enumerate(zip(column.labels, AXIS_COLOURS, AXIS_LINES, strict=True)):
-        name = label.partition(" (")[0]
-        panel.plot(time, column.bounds[:, i], color=colour, linestyle=style, linewidth=1.1, label=name, **marks)
+        name, drawn = label.partition(" (")[0], marks or marks_of(column.bounds[:, i])
+        panel.plot(time, column.bounds[:, i], color=colour, linestyle=style, linewidth=1.1, label=name, **drawn)
     panel.set_ylim(0.0, error_limit(column.bounds, None))
     panel.set_ylabel(f"bound ({column.labels[0].partition(' (')[2]}")
     panel.set_title(column.heading, fontsize=9.5)
@@ -323,30 +337,27 @@ def _true_angles(result: Result) -> FloatArray | None:
 def _draw_size(axes: Axes, result: Result, label: str, **marks: Any) -> None:
     """The largest angle in the set, the error, and bounds of heading and tilt."""
     time, errors = result.times, result.errors
-    axes.plot(
-        time,
-        np.rad2deg(result.largest_angles),
-        color=SIZE_COLOUR,
-        linewidth=1.6,
-        label=LARGEST_ANGLE,
-        **marks,
-    )
+
+    def draw(angles: FloatArray, **style: Any) -> None:
+        axes.plot(time, np.rad2deg(angles), **style, **(marks or marks_of(angles)))
+
+    draw(result.largest_angles, color=SIZE_COLOUR, linewidth=1.6, label=LARGEST_ANGLE)
     if errors is not None:
-        off = np.rad2deg(np.linalg.norm(errors[:, :3], axis=1))
-        axes.plot(time, off, color=BLACK, linewidth=0.9, label=f"error against {label}", **marks)
+        off = np.linalg.norm(errors[:, :3], axis=1)
+        draw(off, color=BLACK, linewidth=0.9, label=f"error against {label}")
     is_off = errors is not None and bool(np.isfinite(errors[:, :3]).any())
     axes.set_title(f"how far the attitude may be off{', and is' * is_off}", fontsize=9.5)
     axes.set_ylabel("angle (deg)")
     plain_log_axis(axes)
     if result.headings is None or result.tilt_bounds is None:
         return
-    heading = np.rad2deg(np.abs(result.headings).max(axis=1))
-    axes.plot(time, heading, color=HEADING_COLOUR, linewidth=1.1, linestyle="--", label=HEADING, **marks)
-    axes.plot(time, np.rad2deg(result.tilt_bounds), color=TILT_COLOUR, linewidth=1.1, label=TILT, **marks)
+    heading = np.abs(result.headings).max(axis=1)
+    draw(heading, color=HEADING_COLOUR, linewidth=1.1, linestyle="--", label=HEADING)
+    draw(result.tilt_bounds, color=TILT_COLOUR, linewidth=1.1, label=TILT)
     if result.up_bounds is not None:
-        alone = np.where(np.isnan(result.tilt_bounds), np.rad2deg(result.up_bounds), np.nan)
-        if np.isfinite(alone).any():
-            axes.plot(time, alone, color=TILT_COLOUR, linewidth=1.4, linestyle=":", label="up alone", **marks)
+        up = np.where(np.isnan(result.tilt_bounds), result.up_bounds, np.nan)
+        if np.isfinite(up).any():
+            draw(up, color=TILT_COLOUR, linewidth=1.4, linestyle=":", label="up alone")
     begin_above(axes, HEADING)
 
 

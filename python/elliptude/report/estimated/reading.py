@@ -150,6 +150,7 @@ def read_run(result: str | os.PathLike[str]) -> tuple[Run, str]:
         frame=summary.frame,
         title=summary.title,
         origin=time_origin(table),
+        longest_step=summary.longest_step,
         **single,
     )
     return _with_measured(run, table), summary.label
@@ -216,6 +217,7 @@ class _Summary(NamedTuple):
     best: str | None = None
     smoothing: tuple[str, ...] = ()
     frame: str | None = None
+    longest_step: float | None = None
 
 
 def _read_summary(path: Path) -> _Summary:
@@ -236,6 +238,7 @@ def _read_summary(path: Path) -> _Summary:
     label, title, error, void = (read.get(name) for name in ("compared_with", "title", "truth_error_deg", "void"))
     gaps, smoothing = (_said(read.get(name)) for name in ("gaps", "smoothing"))
     best, frame = read.get("best"), read.get("reference_frame")
+    longest = read["gaps"].get("longest_interval_s") if isinstance(read.get("gaps"), dict) else None
     up, recording = read.get("up_at_rest"), read.get("bounds_from_recording")
     return _Summary(
         label if isinstance(label, str) else "truth",
@@ -251,6 +254,7 @@ def _read_summary(path: Path) -> _Summary:
         str(best["in_words"]) if isinstance(best, dict) and "in_words" in best else None,
         smoothing,
         frame if isinstance(frame, str) else None,
+        longest if isinstance(longest, int | float) and longest > 0.0 else None,
     )
 
 

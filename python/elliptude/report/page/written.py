@@ -9,6 +9,7 @@ from typing import Any
 import elliptude
 from elliptude.io.files import FileError, replacing
 from elliptude.report.axes.sphere import frame_rows, sphere_frames, sphere_plot
+from elliptude.report.breaks import broken, gaps_of
 from elliptude.report.curves import PIECES, plots_over_time
 from elliptude.report.estimated.curves import measured_plot
 from elliptude.report.page import notes, tables
@@ -40,12 +41,14 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         If plotly is not installed, or the file cannot be written.
     """
     plotly = plotly_script()
-    rows, shown = chosen_rows(run, PIECES), frame_rows(run)
+    drawn, shown = broken(run, gaps_of(run)), frame_rows(run)
+    rows = chosen_rows(drawn, PIECES)
+    count = len(rows) - (0 if drawn.in_gap is None else int(drawn.in_gap.sum()))
     summary = summarize(run, label)
-    summary["drawn"] = {"rows_of_curves": len(rows), "times_on_sphere": len(shown)}
+    summary["drawn"] = {"rows_of_curves": count, "times_on_sphere": len(shown)}
     spells = run.refusal_spells()
     each = tables.each_left_out(run.listed)
-    plots = plots_over_time(run, rows, label, spells)
+    plots = plots_over_time(drawn, rows, label, spells)
     if run.measured:
         margin = max((plot["layout"]["margin"]["l"] for plot in plots.values()), default=0)
         plots["measured"] = measured_plot(run, margin)
@@ -79,7 +82,7 @@ def write_report(run: Run, path: str | os.PathLike[str], title: str, *, label: s
         "size_note": notes.size_note(run) + notes.shaded(plots.get("size")),
         "dropped": tables.spell_table(spells),
         "each_hidden": "hidden" if each is None else "",
-        "footnote": notes.footnote(run, len(rows), len(shown)),
+        "footnote": notes.footnote(run, count, len(shown)),
         "plotly": plotly,
         # "</script>" in a name would end the script.
         "data": json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),

@@ -23,7 +23,9 @@ from elliptude.io.readers.base import Batch, NumbersAlone, cells_of
 from elliptude.io.readers.text.dialect import (
     ALL_FOUND_OUT,
     CELL_WITHOUT_END,
+    CLOCK,
     DELIMITERS,
+    ISO_STAMP,
     MISSING,
     NUMBER,
     STAMP,
@@ -259,6 +261,8 @@ class CsvTable(NumbersAlone):
                     continue
                 if not self._is_number(cell):
                     fault, remedy = "not a number", "; empty the cell, or delete the line"
+                    if CLOCK.search(cell):
+                        remedy = f"; of dates and times those of ISO 8601 are read, such as {ISO_STAMP}"
                     if NUMBER.fullmatch(cell.replace(",", ".")):
                         mark, called = (",", "comma") if self.dialect.decimal == "." else (".", "point")
                         fault += f"; [csv] decimal = {mark!r} in a configuration reads a decimal {called}"

@@ -25,6 +25,10 @@ STAMP = re.compile(
     r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(\.\d{1,9})?(?P<zone>Z|[+-]\d\d(:?\d\d)?)?", re.IGNORECASE | re.ASCII
 )
 """A time of day in ISO 8601: 2024-05-01T12:00:00.25Z."""
+CLOCK = re.compile(r"\d{1,2}:\d\d:\d\d", re.ASCII)
+"""What a time of day has, in whatever order its date is."""
+ISO_STAMP = "2026-03-29T23:59:50.000"
+"""One that is read, for messages."""
 TIME_HEADER = re.compile(r"(t|time(stamp)?)\s*[(\[](?P<unit>s|sec|seconds|ms|[uµμ]s|ns)[)\]]", re.IGNORECASE)
 """The header of a column of times that states its unit."""
 _DECIMAL_COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?", re.ASCII)
