@@ -14,7 +14,6 @@ from elliptude.bounds.gyro_errors import (
     TIMES_USUAL,
     GyroErrors,
     covered_interval,
-    longest_interval_of,
     usual_longest,
     with_rounding,
 )
@@ -35,7 +34,6 @@ __all__ = [
     "AnchoredTurns",
     "GyroBounds",
     "covered_interval",
-    "longest_interval_of",
     "usual_longest",
     "with_rounding",
 ]

@@ -47,11 +47,6 @@ def usual_longest(intervals: FloatArray) -> float:
     return TIMES_USUAL * float(np.median(intervals)) if len(intervals) else np.inf
 
 
-def longest_interval_of(intervals: FloatArray, stated: float | None) -> float:
-    """As `covered_interval` of times that begin at 0 and have these intervals between them, s."""
-    return covered_interval(np.concatenate([[0.0], np.cumsum(intervals)]), stated)
-
-
 def covered_interval(times: FloatArray, stated: float | None) -> float:
     """The longest interval that a gyro's error bounds cover, `with_rounding`, s.
 

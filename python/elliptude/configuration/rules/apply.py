@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from elliptude.bounds.gyro import GyroBounds, longest_interval_of
+from elliptude.bounds.gyro import GyroBounds, covered_interval
 from elliptude.bounds.rest import mean_over_time
 from elliptude.bounds.samples import DirectionBounds, angle_excess
 from elliptude.bounds.velocity import MeasuredVelocity
@@ -115,7 +115,7 @@ def apply_rule(
     rates, forces = np.asarray(angular_velocities, dtype=np.float64), np.asarray(specific_forces, dtype=np.float64)
     accelerometer, forces_at = rule.accelerometer, stamps if forces_sampled is None else forces_sampled
     if longest_interval is None:
-        longest_interval = longest_interval_of(np.diff(stamps), rule.gyro.longest_interval_s)
+        longest_interval = covered_interval(stamps, rule.gyro.longest_interval_s)
     gyro = dataclasses.replace(rule.gyro_bounds(), longest_interval=longest_interval)
     rest = rest_at_start(rule.rest, stamps, rates, forces, gyro)
     bias = mean_over_time(stamps[rest], rates[rest])

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elliptude.bounds.gyro import GyroBounds, longest_interval_of
+from elliptude.bounds.gyro import GyroBounds, covered_interval
 from elliptude.bounds.rest import longest_run, mean_at_rest, why_no_rest
 from elliptude.bounds.samples import angle_to_center
 from elliptude.bounds.stamps import shift_by_own_stamps
@@ -252,7 +252,7 @@ def field_at_start(
         If the recording does not start at rest, or contradicts the rule there.
     """
     assert rule.magnetometer is not None
-    longest = longest_interval_of(np.diff(times), rule.gyro.longest_interval_s)
+    longest = covered_interval(times, rule.gyro.longest_interval_s)
     gyro = dataclasses.replace(rule.gyro_bounds(), longest_interval=longest)
     rest = rest_at_start(rule.rest, times, angular_velocities, specific_forces, gyro)
     moved = moved_fields(rule.magnetometer, times, fields, fields_sampled, longest)
