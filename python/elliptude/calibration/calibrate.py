@@ -14,7 +14,7 @@ from elliptude.bounds.samples import angle_to_center
 from elliptude.bounds.stamps import time_offset_angles
 from elliptude.calibration.found import Found, FoundGyro
 from elliptude.calibration.gyro import Turn, gyro_set
-from elliptude.calibration.poses import Pose, poses_of, windows_of
+from elliptude.calibration.poses import Pose, mean_acceleration_at_rest, poses_of, windows_of
 from elliptude.calibration.vector_sensors import (
     ContradictionError,
     SensorStatements,
@@ -152,11 +152,14 @@ def _turns(
     corrected = (forces - found.offset) @ found.matrix.T
     k = found.scale_error
     own = times if forces_at is None else forces_at
-    offsets = time_offset_angles(times, rates, table.time_offset_bound_s, gyro=gyro, sampled=forces_at)
+    offset = table.time_offset_bound_s
+    offsets = time_offset_angles(times, rates, offset, gyro=gyro, sampled=forces_at)
 
     def up(rows: slice) -> tuple[int, FloatArray, float] | None:
         duration = float(own[rows.stop - 1] - own[rows.start])
-        mean = min(known.acceleration_m_per_s2, 2.0 * known.velocity_m_per_s / duration)
+        mean = mean_acceleration_at_rest(
+            known.acceleration_m_per_s2, known.velocity_m_per_s, duration, table.time_offset_bound_s
+        )
         poses = poses_of([rows], times, corrected, rates, offsets, gyro, 0.0, lambda _: mean, forces_at)
         if not poses:
             return None
@@ -200,7 +203,7 @@ def _accelerometer(
     rests: list[slice],
     known: AccelerometerStatements,
 ) -> tuple[SensorStatements, list[Pose]]:
-    """Rests: over one the mean acceleration is at most twice the speed by its length, (18.5)."""
+    """Rests: over one the mean acceleration is small, as the speed is."""
     gravity, error = rule.accelerometer.gravity_m_per_s2, rule.accelerometer.gravity_error_m_per_s2
     stated = SensorStatements(
         offset=known.offset_m_per_s2,
@@ -216,11 +219,11 @@ def _accelerometer(
     offset = rule.accelerometer.time_offset_bound_s
     offsets = time_offset_angles(log.times, rates, offset, gyro=gyro, sampled=forces_at)
 
-    def mean_acceleration(duration: float) -> float:
-        return min(known.acceleration_m_per_s2, 2.0 * known.velocity_m_per_s / duration)
+    def mean_of_rest(duration: float) -> float:
+        return mean_acceleration_at_rest(known.acceleration_m_per_s2, known.velocity_m_per_s, duration, offset)
 
     rests = [slice(one.start, min(one.stop, one.start + _MOST_SAMPLES)) for one in rests]
-    poses = poses_of(rests, log.times, forces, rates, offsets, gyro, stated.axes_error, mean_acceleration, forces_at)
+    poses = poses_of(rests, log.times, forces, rates, offsets, gyro, stated.axes_error, mean_of_rest, forces_at)
     return stated, poses
 
 
