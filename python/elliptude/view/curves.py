@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from elliptude.estimation.sizes_in_words import HEADING, LARGEST_ANGLE, TILT
+from elliptude.report.breaks import broken, gaps_of
 from elliptude.report.estimated.drawn import heading_of
 from elliptude.report.estimated.stored import MeasuredSensor
 from elliptude.report.figures import HEADING_COLOUR, TILT_COLOUR, cut_at_wraps, true_roll_pitch_yaw
@@ -60,7 +61,10 @@ def send_curves(stream: Stream, run: Run, label: str) -> Curves:
     -------
     Curves
     """
+    run = broken(run, gaps_of(run))
     rows = chosen_rows(run, PIECES)
+    if run.in_gap is not None:
+        rows = np.union1d(rows, np.flatnonzero(run.in_gap))
     times, known = run.times[rows], run.known[rows]
     compares = bool(run.compared.any())
     if run.roll_pitch_yaw is not None:

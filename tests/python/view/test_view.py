@@ -180,6 +180,20 @@ def test_gaps_claims_and_angles(tmp_path):
     assert "optical attitude" in found.curves("/angles/roll/reference")
 
 
+def test_no_curve_leads_over_a_gap_between_rows(tmp_path):
+    run = dataclasses.replace(angled(full_run()), longest_step=0.15)
+    run = dataclasses.replace(run, times=np.where(np.arange(len(run.times)) < 10, run.times, run.times + 3.0))
+    view.write_view(run, tmp_path / "view.rrd", "Run", label="optical attitude")
+    found = Recording(tmp_path / "view.rrd")
+    middle = 0.5 * (run.times[9] + run.times[10])
+    for path in ("/size", "/angles/pitch/estimate"):
+        times, curves = found.times(path), found.curves(path)
+        for values in curves.values():
+            assert np.isnan(values[np.argmin(np.abs(times - middle))])
+    # The lane of a claim ends there, and begins anew.
+    np.testing.assert_allclose(found.times("/claims/claim")[:3], [run.times[0], middle, run.times[10]], atol=1e-9)
+
+
 def test_small_sets_are_magnified_and_the_notes_say_so(tmp_path):
     run = make_run(5, errors=np.full((5, 3), 1e-5), forms=np.full(5, 0.5))
     run = dataclasses.replace(run, shapes=run.shapes * 1e-6, largest_angles=run.largest_angles * 1e-3)
