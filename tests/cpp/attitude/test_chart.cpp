@@ -358,6 +358,19 @@ TEST_CASE("no number of an extent is less for rounding") {
     }
   }
   CHECK(tight > 5900);
+  // Thin along an axis of the reference, where the entries of C P Cᵀ cancel.
+  for (int trial = 0; trial < 300; ++trial) {
+    const Matrix3<double> attitude = random.rotation();
+    const double thin = random.log_uniform(3e-8, 1e-6);
+    Matrix6<double> shape = Matrix6<double>::Identity();
+    shape.topLeftCorner<3, 3>() = symmetrized(
+        Matrix3<double>(attitude.transpose() * Vector3<double>(1, thin * thin, 0.3).asDiagonal() * attitude));
+    Extent<double> size;
+    REQUIRE(extent(Exponential{{attitude, Vector3<double>::Zero()}, shape}, size) == Status::ok);
+    const RealMatrix seen =
+        attitude.cast<Real>() * shape.topLeftCorner<3, 3>().cast<Real>() * attitude.cast<Real>().transpose();
+    CHECK(Real(size.half_widths_reference(1)) >= std::sqrt(std::fmax(seen(1, 1), Real(0))));
+  }
 }
 
 TEST_CASE("a measured attitude as a quadric about any center") {

@@ -198,6 +198,8 @@ TEST_CASE("of a shape that is not quite symmetric a filter takes the symmetric p
     REQUIRE(quadratic_form(filter.ellipsoid(), GyroState<double>{exp(thin), Vector3d::Zero()}, form) == Status::ok);
     CHECK(form <= 1);
     Quadric<double, 3> quadric;
+    REQUIRE(to_quadric(Matrix3d(Matrix3d::Identity()), measured, quadric) == Status::ok);
+    CHECK(quadric.c - thin.dot(quadric.a * thin) - 2 * quadric.g.dot(thin) >= 0);
     REQUIRE(to_quadric(Ellipsoid<double, 3>{Vector3d::Zero(), given}, quadric) == Status::ok);
     CHECK(quadric.c - thin.dot(quadric.a * thin) >= 0);
     CHECK(quadric.a == quadric.a.transpose());
