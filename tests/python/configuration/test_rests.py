@@ -5,7 +5,7 @@ import pytest
 from elliptude.bounds.gyro import GyroBounds
 from elliptude.bounds.rest import mean_over_time
 from elliptude.configuration.rules import after_rest, apply_rule, hand_held, moved_fields
-from elliptude.configuration.rules.at_start import reference_at_rest, up_at_rest
+from elliptude.configuration.rules.at_start import field_at_rest, reference_at_rest, up_at_rest
 from scipy.spatial.transform import Rotation
 
 UP = np.array([0.0, 0.0, 9.807])
@@ -231,6 +231,23 @@ def test_a_field_that_changes_while_the_body_turns():
     )[0]
     assert np.linalg.norm(reference - still) >= 0.45 * change * FURTHEST
     assert np.linalg.norm(reference - FIELD) <= error
+
+
+@pytest.mark.parametrize("change", [0.0, 3.0])
+def test_what_turning_takes_of_the_field_alone(change):
+    """Up is known exactly, half of the rest is to the left of it and half to the right, and so may the field change."""
+    times, sides = 0.01 * np.arange(1000), np.where(np.arange(1000) < 500, -1.0, 1.0)
+    way = sides[:, None] * np.array([0.0, 43.0, 20.0]) / np.hypot(43.0, 20.0)
+    fields = turned_in_rest(0.5 * FURTHEST * sides, [1.0, 0.0, 0.0], FIELD + change * way)[1]
+    up = up_at_rest(sharp(), times, np.tile(UP, (1000, 1)))._replace(tilt=0.0)
+    rule, still = (sharp(rest={"field_change_ut": by}, magnetometer={"disturbance_ut": 5.0}) for by in (change, 0.0))
+    reference, error = field_at_rest(rule, up, times, fields, FURTHEST)
+    off = np.linalg.norm(reference - FIELD)
+    assert off <= error
+    if change:
+        assert field_at_rest(still, up, times, fields, FURTHEST)[1] < off
+    else:
+        assert field_at_rest(rule, up, times, fields, 0.0)[1] < off
 
 
 def test_a_specific_force_is_short_where_the_body_turns():
