@@ -26,6 +26,13 @@ Interruption interruption_by_signals() noexcept {
   return interruption;
 }
 
+void raise_signals() {
+  const py::gil_scoped_acquire acquire;
+  if (PyErr_CheckSignals() != 0) {
+    throw py::error_already_set();
+  }
+}
+
 void raise_if_interrupted(Status status) {
   if (status == Status::interrupted) {
     const py::gil_scoped_acquire acquire;

@@ -31,7 +31,6 @@ LONG_FUNCTIONS = {
     "python/bindings/guaranteed/flow.cpp:define_guaranteed_flows": (90, A_TABLE),
     "python/bindings/sets/ellipsoid.cpp:define_ellipsoids": (120, A_TABLE),
     "python/bindings/sets/quadric.cpp:define_quadrics": (80, A_TABLE),
-    "python/bindings/dynamics/integrator.cpp:trajectory": (75, "the arrays of a trajectory, filled step by step"),
     "python/bindings/truth/extrapolation.hpp:integrate": (74, "one algorithm from a book, in the book's order"),
     "tests/fuzz/first_order_session.hpp:one_call": (99, "a call of each function of a filter, chosen by a byte"),
     "tests/fuzz/fuzz_quadric_fusion.cpp:many": (72, "an input, the function, and its oracle"),

@@ -44,6 +44,14 @@ struct Integrator {
 /// \throws TypeError, ValueError unless it is an integer of at least 1.
 [[nodiscard]] Index positive_count(const py::object& value, const std::string& name);
 
+/// The trajectory of one initial state: at steps, and at given times. The docstrings are with their bindings.
+[[nodiscard]] py::object trajectory(const Integrator& self, const py::object& attitude,
+                                    const py::object& angular_velocity, const py::object& steps, const py::object& time,
+                                    const py::object& control_torque, const py::object& every);
+[[nodiscard]] py::object trajectory_at(const Integrator& self, const py::object& attitude,
+                                       const py::object& angular_velocity, const py::object& at, const py::object& time,
+                                       const py::object& control_torque);
+
 /// The initial states, times and control torques of a call, broadcast.
 class InitialStates {
  public:

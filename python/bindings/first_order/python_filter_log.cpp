@@ -23,12 +23,7 @@ class FirstOrderRun {
     const Index rows = time_.item()[0];
     for (Index i = 0; i < rows; ++i) {
       row = i;
-      if (i % 256 == 255) {
-        const py::gil_scoped_acquire acquire;
-        if (PyErr_CheckSignals() != 0) {
-          throw py::error_already_set();
-        }
-      }
+      raise_signals_at(i);
       predict_to_row(filter, i);
       fuse_row(filter, i);
     }

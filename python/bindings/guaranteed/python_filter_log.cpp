@@ -32,12 +32,7 @@ void run_rows(Filter& filter, const MeasuredLog& log, const SensorNames& names, 
   Measured measured;
   for (Index i = 0; i < rows; ++i) {
     row = i;
-    if (i % 256 == 255) {
-      const py::gil_scoped_acquire acquire;
-      if (PyErr_CheckSignals() != 0) {
-        throw py::error_already_set();
-      }
-    }
+    raise_signals_at(i);
     predict(i);
     fuse_row(filter, log, names, i, measured, out);
   }

@@ -71,4 +71,13 @@ double margin_if_any(const AnyEllipsoid& first, const AnyEllipsoid& second) {
   });
 }
 
+PrincipalAxes<double, Eigen::Dynamic> axes_of(const AnyEllipsoid& ellipsoid) {
+  return with_dimension(ellipsoid.center.size(), [&](auto dimension) {
+    constexpr int n = decltype(dimension)::value;
+    PrincipalAxes<double, n> axes;
+    raise_unless_ok(principal_axes(fixed<n>(ellipsoid), axes), "shape");
+    return PrincipalAxes<double, Eigen::Dynamic>{axes.lengths, axes.directions};
+  });
+}
+
 }  // namespace elliptude::python

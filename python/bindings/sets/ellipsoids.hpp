@@ -81,4 +81,11 @@ struct Criterion {
 /// The margin of the overlap, or NaN if both sets are flat, so that it cannot be found.
 [[nodiscard]] double margin_if_any(const AnyEllipsoid& first, const AnyEllipsoid& second);
 
+/// Directions and lengths of the semi-axes, the longest first.
+[[nodiscard]] PrincipalAxes<double, Eigen::Dynamic> axes_of(const AnyEllipsoid& ellipsoid);
+
+/// Points of an ellipsoid, uniform in it or by area on its surface, by NumPy's generator. \throws ValueError.
+[[nodiscard]] py::array sample(const AnyEllipsoid& ellipsoid, const py::object& count, const py::object& rng,
+                               bool surface);
+
 }  // namespace elliptude::python
