@@ -220,3 +220,19 @@ def longest_run(times: FloatArray, there: NDArray[np.bool_], *, longest_step: fl
         return slice(0, 0)
     longest = int(np.argmax(times[lasts] - times[firsts]))
     return slice(int(firsts[longest]), int(lasts[longest]) + 1)
+
+
+def mean_acceleration_at_rest(speed: float, lasted: float, time_offset: float) -> float:
+    """Bound of the mean acceleration over a rest by its speed, m/s², (18.64); infinite where no time may be left.
+
+    Parameters
+    ----------
+    speed : float
+        At any time, m/s.
+    lasted : float
+        By the stamps, s. Truly it may have been shorter, by twice the offset.
+    time_offset : float
+        Bound of a stamp's, s.
+    """
+    least = lasted - 2.0 * time_offset
+    return 2.0 * speed / least if least > 0.0 else np.inf

@@ -9,12 +9,12 @@ import numpy as np
 
 from elliptude import units
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.bounds.rest import mean_over_time
+from elliptude.bounds.rest import mean_acceleration_at_rest, mean_over_time
 from elliptude.bounds.samples import angle_to_center
 from elliptude.bounds.stamps import time_offset_angles
 from elliptude.calibration.found import Found, FoundGyro
 from elliptude.calibration.gyro import Turn, gyro_set
-from elliptude.calibration.poses import Pose, mean_acceleration_at_rest, poses_of, windows_of
+from elliptude.calibration.poses import Pose, poses_of, windows_of
 from elliptude.calibration.vector_sensors import (
     ContradictionError,
     SensorStatements,
@@ -157,9 +157,7 @@ def _turns(
 
     def up(rows: slice) -> tuple[int, FloatArray, float] | None:
         duration = float(own[rows.stop - 1] - own[rows.start])
-        mean = mean_acceleration_at_rest(
-            known.acceleration_m_per_s2, known.velocity_m_per_s, duration, table.time_offset_bound_s
-        )
+        mean = min(known.acceleration_m_per_s2, mean_acceleration_at_rest(known.velocity_m_per_s, duration, offset))
         poses = poses_of([rows], times, corrected, rates, offsets, gyro, 0.0, lambda _: mean, forces_at)
         if not poses:
             return None
@@ -220,7 +218,7 @@ def _accelerometer(
     offsets = time_offset_angles(log.times, rates, offset, gyro=gyro, sampled=forces_at)
 
     def mean_of_rest(duration: float) -> float:
-        return mean_acceleration_at_rest(known.acceleration_m_per_s2, known.velocity_m_per_s, duration, offset)
+        return min(known.acceleration_m_per_s2, mean_acceleration_at_rest(known.velocity_m_per_s, duration, offset))
 
     rests = [slice(one.start, min(one.stop, one.start + _MOST_SAMPLES)) for one in rests]
     poses = poses_of(rests, log.times, forces, rates, offsets, gyro, stated.axes_error, mean_of_rest, forces_at)

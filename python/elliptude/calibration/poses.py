@@ -104,22 +104,6 @@ def _from(middle: int, values: FloatArray) -> FloatArray:
     return difference
 
 
-def mean_acceleration_at_rest(acceleration: float, velocity: float, duration: float, offset: float) -> float:
-    """Bound of the mean acceleration over a rest, m/s², (18.64).
-
-    Parameters
-    ----------
-    acceleration, velocity : float
-        At any time, m/s² and m/s.
-    duration : float
-        By the stamps, s. Truly it may have been shorter by twice the offset.
-    offset : float
-        Bound of a stamp's, s.
-    """
-    least = duration - 2.0 * offset
-    return min(acceleration, 2.0 * velocity / least) if least > 0.0 else acceleration
-
-
 def poses_of(
     windows: Iterable[slice],
     times: FloatArray,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from elliptude.bounds.gyro import GyroBounds, covered_interval, usual_longest, with_rounding
 from elliptude.configuration.configuration import Configuration
 from elliptude.configuration.motion import GyroFlow
-from elliptude.estimation.sizes_in_words import LARGEST_ANGLE
+from elliptude.estimation.sizes_in_words import LARGEST_ANGLE, rows_in_words
 from elliptude.logs.log import Log
 from elliptude.results import GuaranteedLog
 from elliptude.typing import FloatArray
@@ -199,10 +199,6 @@ def _counted(count: int) -> str:
     return f"{count} gap{'s' if count > 1 else ''}"
 
 
-def _rows(count: int) -> str:
-    return f"{count} row{'s' if count > 1 else ''}"
-
-
 def _until(set_again: bool) -> str:
     """How long there is no set."""
     return "until there is a set again" if set_again else "without a set; there is none again to the end"
@@ -261,7 +257,7 @@ def _said(summary: dict[str, Any]) -> list[str]:
     without, before = summary["rows_without_set"], summary["without_set_before"]
     lost = "the row behind each has a set"
     if without:
-        lost = f"{_rows(without)} in all {_until(summary['set_again'])}"
+        lost = f"{rows_in_words(without)} in all {_until(summary['set_again'])}"
     elif before:
         lost = "none of them ended a set"
     if before:
@@ -279,7 +275,7 @@ def _said(summary: dict[str, Any]) -> list[str]:
         if before is None:
             cost = "there was no set before it"
         elif rows:
-            cost = f"attitude forgotten, {_rows(rows)} {_until(gap['set_again'])}"
+            cost = f"attitude forgotten, {rows_in_words(rows)} {_until(gap['set_again'])}"
         else:
             cost = f"{LARGEST_ANGLE} {before:.3g} degrees before and {after:.3g} after it"
             cost = f"attitude forgotten and measured anew, {cost}" if forgotten else cost

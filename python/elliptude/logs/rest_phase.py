@@ -10,7 +10,7 @@ import numpy as np
 
 from elliptude import units
 from elliptude.bounds.gyro import usual_longest, with_rounding
-from elliptude.bounds.rest import mean_at_rest
+from elliptude.bounds.rest import mean_acceleration_at_rest, mean_at_rest
 from elliptude.bounds.samples import VectorSensorBounds, angle_to_center
 from elliptude.configuration import references
 from elliptude.configuration.configuration import Configuration
@@ -186,9 +186,8 @@ def _of_up(sensor: Accelerometer, mean: RestMean, phase: RestPhase, configuratio
     assert isinstance(bound, AccelerationBound | VelocityWindowBound)
     length = float(np.linalg.norm(mean.vector))
     speeds = [phase.velocity_m_per_s, bound.velocity_m_per_s if isinstance(bound, VelocityWindowBound) else None]
-    # Its stamps may come closer within the offset's bound, (18.64).
-    lasted = mean.lasted - 2.0 * configuration.time_offset_of(sensor)
-    moved = [2.0 * speed / lasted for speed in speeds if speed is not None and lasted > 0.0]
+    offset = configuration.time_offset_of(sensor)
+    moved = [mean_acceleration_at_rest(speed, mean.lasted, offset) for speed in speeds if speed is not None]
     moved += [bound.acceleration_m_per_s2] if bound.acceleration_m_per_s2 is not None else []
     radius = mean.error + _scaled(length, errors) + min(moved, default=math.inf)
     tilt, excess = angle_to_center(length, sensor.gravity_m_per_s2, radius, bound.gravity_error_m_per_s2)

@@ -9,7 +9,6 @@ import tomlkit
 from elliptude import estimation, logs
 from elliptude.bounds.samples import VectorSensorBounds, accelerometer_bounds
 from elliptude.calibration.calibrate import calibrate, sha256_of
-from elliptude.calibration.poses import mean_acceleration_at_rest
 from elliptude.cli.application import make_app
 from elliptude.configuration import read_configuration, rules
 from elliptude.configuration.calibration import AccelerometerCalibration, calibrated_bounds, read_statements
@@ -480,10 +479,3 @@ def test_bad_input_is_named(folder):
     done = run("calibrate", log, stated, "--out", folder / "found.toml")
     assert done.exit_code == 1
     assert "there already" in done.output
-
-
-def test_a_rest_may_have_been_shorter_than_its_stamps_say():
-    # Of 1.02 s by stamps that are off by 10 ms each: a steady 2 m/s² from -1 to 1 m/s.
-    assert mean_acceleration_at_rest(50.0, 1.0, 1.02, 0.01) == pytest.approx(2.0)
-    assert mean_acceleration_at_rest(50.0, 1.0, 1.02, 0.6) == 50.0
-    assert mean_acceleration_at_rest(1.0, 1.0, 1.0, 0.0) == 1.0

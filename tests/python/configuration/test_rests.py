@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from elliptude.bounds.gyro import GyroBounds
-from elliptude.bounds.rest import mean_over_time
+from elliptude.bounds.rest import mean_acceleration_at_rest, mean_over_time
 from elliptude.configuration.rules import after_rest, apply_rule, hand_held, moved_fields
 from elliptude.configuration.rules.at_start import field_at_rest, reference_at_rest, up_at_rest
 from scipy.spatial.transform import Rotation
@@ -257,6 +257,13 @@ def test_a_specific_force_is_short_where_the_body_turns():
     up_at_rest(sharp(), IN_REST, forces, FURTHEST)
     with pytest.raises(ValueError, match="further from gravity than the rule allows"):
         up_at_rest(sharp(), IN_REST, forces, 0.0)
+
+
+def test_a_rest_may_have_been_shorter_than_its_stamps_say():
+    # Of 1.02 s by stamps that are off by 10 ms each: a steady 2 m/s² from -1 to 1 m/s.
+    assert mean_acceleration_at_rest(1.0, 1.02, 0.01) == pytest.approx(2.0)
+    assert mean_acceleration_at_rest(1.0, 1.02, 0.6) == np.inf
+    assert mean_acceleration_at_rest(1.0, 1.0, 0.0) == 2.0
 
 
 def test_a_rest_that_its_stamps_make_longer():

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elliptude.bounds.gyro import GyroBounds, covered_interval
-from elliptude.bounds.rest import longest_run, mean_at_rest, why_no_rest
+from elliptude.bounds.rest import longest_run, mean_acceleration_at_rest, mean_at_rest, why_no_rest
 from elliptude.bounds.samples import angle_to_center
 from elliptude.bounds.stamps import shift_by_own_stamps
 from elliptude.configuration.rules.tables import MagnetometerRule, RestRule, Rule
@@ -130,9 +130,8 @@ def up_at_rest(rule: Rule, times: FloatArray, forces: FloatArray, turned: float 
     k = accelerometer.scale_error
     length = float(np.linalg.norm(force))
     radius = force_error + k * (length + accelerometer.error_m_per_s2) / (1.0 - k)
-    # Its stamps may come closer or part within the offset's bound, (18.64); the axes turn while it moves.
-    lasted_truly = lasted - 2.0 * accelerometer.time_offset_bound_s
-    radius += (2.0 + turned) * rule.rest.velocity_m_per_s / lasted_truly if lasted_truly > 0.0 else np.inf
+    moved = mean_acceleration_at_rest(rule.rest.velocity_m_per_s, lasted, accelerometer.time_offset_bound_s)
+    radius += (1.0 + 0.5 * turned) * moved  # the axes turn while it moves
     radius += _versine(turned) * (gravity + gravity_error)
     tilt, excess = angle_to_center(length, gravity, radius, gravity_error)
     if excess > 0.0:
